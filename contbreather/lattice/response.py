@@ -574,6 +574,8 @@ class AtRest(NamedTuple):
 @lru_cache(maxsize=64)
 def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
     """Rest with springs of so many times the coupling; an infinite one holds all others at 0."""
+    from scipy.sparse.csgraph import connected_components
+
     held = (lattice.masses * lattice.springs)[:, None]
     profile = np.eye(lattice.sites)[:, list(hit)]
     if ratio == math.inf:
@@ -581,7 +583,9 @@ def _at_rest(lattice: Any, hit: Sites, ratio: float) -> AtRest:
         np.divide(stiffness_of(lattice) @ -profile, held, out=slope, where=held > 0.0)
         slope[list(hit)] = 0.0
     else:
-        matrix, solved = _at_other_sites(lattice, hit, 1.0, ratio)
+        _, part = connected_components(stiffness_of(lattice))
+        apart = np.flatnonzero(~np.isin(part, part[list(hit)]))  # no bond leads there: they stay
+        matrix, solved = _at_other_sites(lattice, (*hit, *apart), 1.0, ratio)
         profile -= solved(matrix @ profile)
         slope = -solved(held * profile)
     own = lattice.masses[list(hit)][:, None]

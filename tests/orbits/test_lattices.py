@@ -523,3 +523,12 @@ def test_a_breather_of_any_site_is_site_0_of_the_infinite_chain(lattice, site) -
     assert there.section == wanted.section
     assert there.p == pytest.approx(wanted.p, abs=1e-14)
     assert far.p == pytest.approx(wanted.p, abs=1e-8)
+
+
+def test_a_part_that_no_bond_reaches_changes_nothing() -> None:
+    parts = cb.Lattice.from_graph(nx.disjoint_union(nx.path_graph(3), nx.path_graph(2)))
+    whole, alone = (
+        cb.trace(cb.symmetric(0.8, 0.05, 0.8, lattice=lattice, site=0), "a", towards="up")
+        for lattice in (parts, cb.OpenChain(3))
+    )
+    assert whole.first("GR")["a"] == pytest.approx(alone.first("GR")["a"], abs=1e-14)
