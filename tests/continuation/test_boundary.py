@@ -268,6 +268,26 @@ def test_two_verified_events_within_one_step_of_a_boundary_are_both_kept(apart, 
         assert line.first(f"LP-{kind}")["mu"] == pytest.approx(at, abs=1e-10)
 
 
+def test_a_curve_of_branch_points_sets_out_where_a_row_of_the_derivative_vanishes() -> None:
+    """As of a predator that dies out: what is left of its row is rounding, and complex steps that
+    were held to differences of that gave way to these, too coarse for the locus in these units."""
+
+    def chemostat(u, p):
+        food, y = 50 * u[0], 10 * u[1]
+        eaten = food / (0.3 + food)
+        return [
+            (p["D"] * (p["S"] - food) - eaten * y) / 50,
+            (0.9 * eaten - p["D"]) * y / 10,
+        ]
+
+    params, events = {"S": 0.1, "D": 0.3}, [cb.branch_point()]
+    base = cb.Problem(chemostat, {"x": 0.002, "y": 0.0}, params, events=events)
+    point = cb.trace(base, "S", within={"S": (0.01, 3.0)}).first("BP")
+    line = cb.boundary(point, ("S", "D"), within={"S": (0.01, 3.0), "D": (0.1, 0.8)})
+    assert line.stop is Stop.BOUND
+    assert abs(line["D"] - 0.9 * line["S"] / (0.3 + line["S"])).max() < 1e-14
+
+
 def test_a_locus_without_derivative_is_followed_to_the_rim_of_its_parameters() -> None:
     """Differences have no room at the edge, and one side of it is enough."""
 
