@@ -383,9 +383,11 @@ class Curve:
                 self._scheme = None
         if self._scheme is None:
             # where a row vanishes, as at a branch point on x = 0, what is left of its terms is
-            # rounding, in which no two schemes agree
+            # rounding, in which no two schemes agree: what holds aside holds there
             aside = z + AHEAD * np.maximum(scales, abs(z))
             self._scheme = derivatives.choose(function, aside, scales)
+            if self._scheme is not derivatives.complex_steps:  # by steps that suit this place
+                self._scheme = derivatives.choose(function, z, scales)
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:
