@@ -55,6 +55,14 @@ def test_both_arms_of_a_pitchfork_super_or_subcritical(sign: int) -> None:
         assert arm.stop is Stop.BOUND
 
 
+def test_an_arm_that_comes_back_has_no_doubt_where_it_left() -> None:
+    """A loop between two pitchforks: it turns at both, where curves cross."""
+    (loop,) = arms_of(zoo.scalar(lambda x, p: x * (0.25 - p["mu"] ** 2 - x**2), 0.0, {"mu": -0.7}))
+    assert loop.stop is Stop.CLOSED
+    assert [point.label for point in loop.special] == ["EP1", "BP1"]
+    assert loop.doubtful == ()
+
+
 def test_arms_leave_where_folds_crowd_the_branch_point() -> None:
     branch = zoo.trace_case(zoo.crowded(1e-4))
     arms = switch(branch.first("BP"), within={"l": (-1.0, 1.0)})

@@ -167,12 +167,11 @@ def _one_a_place(points: Sequence[Point]) -> Iterator[Point]:
 def unexplained(doubtful: Sequence[Point], crossings: Sequence[Point]) -> list[Point]:
     """Leave out what is in doubt at a branch point that was located: some tests vanish wherever
     curves cross, of others rounding decides."""
-    places = [p.arclength for p in crossings]
     reaches = [GAP * (1 + p.curve.length(p.z)) for p in doubtful]
     return [
         point
         for point, reach in zip(doubtful, reaches, strict=True)
-        if all(abs(place - point.arclength) > reach for place in places)
+        if all(point.curve.length(each.z - point.z) > reach for each in crossings)
     ]
 
 

@@ -498,6 +498,8 @@ class ContinuationIterator:
         end = line[-1].arclength - reach if stop is Stop.EVENT else math.inf
         self.doubtful += [p for p in doubtful if (p.bracket or (p.arclength,))[-1] < end]
         self.crossings += [p for p in line if p.event and p.event.crosses]
+        if closed and self.way.directed:  # an arm that is back where it left another curve
+            self.crossings.append(last)
         self.doubtful = unexplained(self.doubtful, self.crossings)
         return Points.of(line), stop
 
