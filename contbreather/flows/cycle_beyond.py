@@ -18,7 +18,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Point
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations, equations_of
-from .flow import Flow, Wall, contact_of, flow_between, slid_along, system_of
+from .flow import Flow, Wall, contact_of, flow_between, plain, slid_along, system_of
 from .functions import values
 from .integrate import bottom
 from .multipliers import paces
@@ -97,7 +97,7 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     """
     equations, orbit, p, detail = equations_of(point), point.solution, point.params, point.detail
     more, flow, count = "touch" in detail, detail["flow"], len(orbit.flights)
-    before, met, after = (equations.flows * 3)[count + flow - 1 : count + flow + 2]
+    before, met, after = map(plain, (equations.flows * 3)[count + flow - 1 : count + flow + 2])
     guard = detail.get("guard", "sliding" if flow_between(before, after) == met else "")
     if point.kind == "SL" and guard == "sliding":
         return _at_edge(point)
@@ -160,7 +160,10 @@ def _at_edge(point: Point) -> SwitchingProblem:
     Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
     """
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
-    more, flows, flights = "guard" in point.detail, equations.flows, orbit.flights
+    more, (flows, flights, turns) = (
+        "guard" in point.detail,
+        unturned(equations.flows, orbit.flights),
+    )
     short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
     system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
@@ -180,6 +183,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
             if abs(edge) < 1e-6 * rates[j][0]:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
+    parts[-1] = turned_back(parts[-1], turns)
     made = _made_of(equations, parts, pieces)
     lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)

@@ -29,7 +29,7 @@ from .conservative_events import conservative_events
 from .cycle_beyond import LEAVES, SHORTEST
 from .cycle_problem import ONE, Cycle
 from .equations import FlowEquations, equations_of
-from .flow import Clock, flow_between, slid_along, system_of, value_at, value_over
+from .flow import Clock, flow_between, plain, slid_along, system_of, value_at, value_over
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
@@ -396,7 +396,7 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
 def _arrivals(orbit: Cycle) -> Iterator[Margin]:
     """Measure the field of the other side where an orbit comes to the surface: it points away from
     it where the orbit crosses, and at it where it slides."""
-    flows, flights = orbit.equations.flows, orbit.flights
+    flows, flights = [*map(plain, orbit.equations.flows)], orbit.flights
     for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
         system, following = system_of(flow), (i + 1) % len(flows)
         if system is None or slid_along(flow):
@@ -418,7 +418,7 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond. And of those that do at an edge
     of sliding, as short as that."""
-    flows, lengths = orbit.equations.flows, orbit.equations.layout.lengths
+    flows, lengths = [*map(plain, orbit.equations.flows)], orbit.equations.layout.lengths
     if all(moves(flow) or not flow.until for flow in flows):
         return
     rates = paces(orbit.equations, orbit.x, orbit.params)

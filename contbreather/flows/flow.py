@@ -239,6 +239,28 @@ def _inverse(mass: Any) -> Array:
     return np.asarray(np.linalg.inv(matrix))
 
 
+# --- whole turns of angles, taken back where a flow ends ------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class TurnedBack:
+    """Reset that takes whole turns back, after another one."""
+
+    turns: Array  # shape (n,)
+    reset: Function | None
+
+    def __call__(self, t: Any, x: Any, p: Params) -> Any:
+        evaluated = at_state if np.ndim(x) == 1 else values
+        after = x if self.reset is None else evaluated(self.reset, t, x, p)
+        return after - self.turns.reshape(-1, *[1] * (np.ndim(x) - 1))
+
+
+def plain(flow: Flow) -> Flow:
+    """Return a flow without the whole turns that it takes back."""
+    reset = flow.reset
+    return replace(flow, reset=reset.reset) if isinstance(reset, TurnedBack) else flow
+
+
 # --- two vector fields and sliding along the surface between them (Filippov 1988) -----------------
 
 
@@ -381,7 +403,7 @@ class Filippov:
 def system_of(flow: Flow) -> Filippov | None:
     """The Filippov system that a flow is one of, if it is."""
     system = getattr(getattr(flow.until, "func", None), "__self__", None)
-    return system if isinstance(system, Filippov) and flow in system.flows else None
+    return system if isinstance(system, Filippov) and plain(flow) in system.flows else None
 
 
 def slid_along(flow: Flow) -> Filippov | None:

@@ -28,9 +28,9 @@ from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
 from .cycle_problem import ONE, Cycle
 from .equations import Places, equations_of
-from .flow import slid_along
+from .flow import TurnedBack, slid_along
 from .functions import Function, slopes, values
-from .rotation import PERIODIC, TurnedBack
+from .rotation import PERIODIC
 
 # of its pace: the square of its speed relative to that around a circle as large, in as long a time
 _SLOW, _FAST = 1e-2, 0.1  # it may rest, and it is on its way again

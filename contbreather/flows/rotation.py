@@ -14,23 +14,10 @@ from ..checks import brief, check_kind, number
 from ..continuation.algebra.newton import Array
 from ..errors import BadInput
 from .collocation import TrajectorySegment
-from .flow import Filippov, Flow
-from .functions import Function, Params, at_state, values
+from .flow import Filippov, Flow, TurnedBack, plain
+from .functions import Params, values
 
 PERIODIC = 1e-9  # of a function: off by less after a turn it is that of an angle
-
-
-@dataclass(frozen=True, eq=False)
-class TurnedBack:
-    """Reset that takes whole turns back, after another one."""
-
-    turns: Array  # shape (n,)
-    reset: Function | None
-
-    def __call__(self, t: Any, x: Any, p: Params) -> Any:
-        evaluated = at_state if np.ndim(x) == 1 else values
-        after = x if self.reset is None else evaluated(self.reset, t, x, p)
-        return after - self.turns.reshape(-1, *[1] * (np.ndim(x) - 1))
 
 
 def unturned(
@@ -42,8 +29,7 @@ def unturned(
         pieces.append(replace(flight, states=flight.states + turns) if turns.any() else flight)
         if isinstance(flow.reset, TurnedBack):
             turns = turns + flow.reset.turns
-            flow = replace(flow, reset=flow.reset.reset)
-        parts.append(flow)
+        parts.append(plain(flow))
     return parts, pieces, turns
 
 
@@ -54,8 +40,7 @@ def turned_back(flow: Flow, turns: Array) -> Flow:
 
 def moves(flow: Flow) -> bool:
     """Tell whether the reset of a flow moves its state, by more than whole turns."""
-    reset = flow.reset
-    return (reset.reset if isinstance(reset, TurnedBack) else reset) is not None
+    return plain(flow).reset is not None
 
 
 @dataclass(frozen=True)
@@ -94,13 +79,16 @@ class Angles:
         which one alone changes them."""
         if not self.turn.any():
             return self
-        if isinstance(flows, Filippov):
-            raise BadInput("wraps= is of flows in turn; a Filippov system has none yet")
+        slides = isinstance(flows, Filippov)
+        checked = (flows.f_plus, flows.f_minus, flows.h) if slides else (flows[0].f,)
 
         def off(turned: Array) -> str:
             """Say what differs, if anything does."""
             at = (x, x + np.where(turned, self.turn, 0.0))
-            here, there = (values(flows[0].f, t, y[:, None], p) for y in at)
+            here, there = (
+                np.concatenate([values(function, t, y[:, None], p) for function in checked])
+                for y in at
+            )
             same = float(abs(here - there).max()) <= PERIODIC * (1.0 + float(abs(here).max()))
             return "" if same else f"{brief(here[:, 0].tolist())} and {brief(there[:, 0].tolist())}"
 
