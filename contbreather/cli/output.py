@@ -240,7 +240,7 @@ def end_sentences(branch: cb.Branch) -> list[str]:
     )
     for point, stop, reason, word in sides:
         if stop is not None:
-            why = reason or _grazed(point)
+            why = (reason or _grazed(point)).rstrip(".")
             phrase = stop.value.replace("Steps.most", "--most of contbreather extend")
             phrase = phrase.replace("ended", word)
             if word == "began" and point.parent is not None:
@@ -255,7 +255,8 @@ def lines_of(branch: cb.Branch) -> Iterator[object]:
     yield from (f"{line}." for line in end_sentences(branch))
     for point in branch.doubtful:
         place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)
-        yield f"In doubt: {point.kind} at {place}: {point.detail.get('reason', 'not located')}."
+        why = point.detail.get("reason", "not located").rstrip(".")
+        yield f"In doubt: {point.kind} at {place}: {why}."
 
 
 def _grazed(point: cb.continuation.Point) -> str:
@@ -278,7 +279,7 @@ def _grazed(point: cb.continuation.Point) -> str:
         )
         return f"{', '.join(several)} and {last} graze at once"
     reason: str = margins.reason
-    return reason.removeprefix("at the limit: ").rstrip(".")
+    return reason.removeprefix("at the limit: ")
 
 
 def check_ends(branch: cb.Branch, what: str) -> None:
