@@ -85,7 +85,11 @@ def _lowest(wall: Any, part: float, near: float, curve: Curve, z: Array) -> Arra
     def height(s: Array) -> Array:
         return values(wall, flight.start + s * flight.duration, flight.at(s % 1.0), p)[0]
 
-    return np.array([bottom(height, part - near, part + near)[1]])
+    lowest, value = bottom(height, part - near, part + near)
+    while near / 2 < abs(lowest - part) < 0.25:  # at an end of what is looked at
+        near *= 2
+        lowest, value = bottom(height, part - near, part + near)
+    return np.array([value])
 
 
 def beyond_contact(point: Point) -> SwitchingProblem:

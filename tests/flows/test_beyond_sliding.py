@@ -233,6 +233,26 @@ def test_an_orbit_that_has_grown_since_its_branch_began_comes_to_slide() -> None
     assert back[0]["Y"] == pytest.approx(lost["Y"], abs=1e-9)
 
 
+@pytest.mark.parametrize("intervals", [20, 40])
+def test_an_orbit_that_slides_no_more_is_followed_whatever_its_mesh(intervals: int) -> None:
+    """Without sliding, the mesh is another one, and the orbit is closest to the surface a little
+    sooner or later than it touched it."""
+
+    def fished(share: float) -> Any:
+        def field(t: Any, x: Any, p: Any) -> Any:
+            eaten = 0.3556 * x[0] / (0.33 + x[0])
+            return [x[0] * (1 - x[0]) - eaten * x[1], (eaten - 0.0444 - share) * x[1]]
+
+        return field
+
+    system = cb.Filippov(fished(0.2067), fished(0.0), lambda t, x, p: x[1] - p["Y"])
+    mesh, within = cb.Collocation(intervals=intervals), {"Y": (1.9, 4.0)}
+    slides = cb.cycle(system, {"x": 0.4, "y": 0.5}, {"Y": 2.0}, settle=500, collocation=mesh)
+    lost, free = across(slides, "Y", "SL", within, events=())
+    assert len(free[-1].solution.flights) == 1
+    assert free[-1]["max(y)"] == pytest.approx(lost["Y"], abs=5e-6)
+
+
 def harvested(share: float) -> Any:
     return lambda t, x, p: [
         x[0] * (1 - x[0] / 5) - x[0] * x[1] / (1 + x[0]),
