@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from .collocation import sizes_of
 from .cycle_problem import ONE, Cycle
 from .equations import Places, equations_of
@@ -273,6 +273,8 @@ def _moves(point: Point) -> float:
 def _examine(point: Point) -> Examined:
     """Name the equilibria: a relaxation oscillation is slow without one."""
     orbit: Cycle = point.base_point.solution
+    if point.direction[orbit.equations.layout.lengths].sum() <= 0:
+        return NOTHING  # states that grow without bound are as slow, beside their size
     if coarse := orbit.coarse():
         return coarse
     slow, *more = _passages(orbit)

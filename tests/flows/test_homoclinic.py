@@ -305,6 +305,21 @@ def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
     assert not branch.doubtful
 
 
+def test_a_period_that_falls_to_zero_comes_to_no_equilibrium() -> None:
+    """A neuron that each spike excites further: at d = -0.1 this outweighs the leak, and it fires
+    ever faster, far from where it is at rest."""
+    neuron = cb.Flow(
+        lambda t, x, p: [2 - x[0] - x[1], -x[1] / 10],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0 * x[0], x[1] + p["d"]],
+    )
+    fires = cb.cycle(neuron, {"V": 0.0, "a": -10.0}, {"d": -0.09}, settle=20)
+    branch = cb.trace(fires, "d", within={"d": (-0.2, 0.0)}, towards="down", steps=LONG)
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert branch[-1]["d"] == pytest.approx(-0.1, rel=1e-6)
+    assert not branch.doubtful
+
+
 def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_end() -> None:
     """Bazykin's predators and prey: both axes stay what they are, so no orbit is homoclinic. The
     period is that of the logarithms of both, by scipy's LSODA at 1e-11."""
