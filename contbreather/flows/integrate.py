@@ -362,8 +362,7 @@ class _Integration:
         steps: list[Any] = []
         most = 10_000 if guards and math.isinf(end) else self.steps + 1  # some hundred oscillations
         while hit is None and solver.status == "running" and len(steps) < most:
-            self.step(solver)
-            steps.append(solver.dense_output())
+            steps.append(self.step(solver))
             falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in guarded]
             at = min(falls, default=math.inf)
             hit = clock + falls.index(at) if math.isfinite(at) else None
@@ -386,11 +385,15 @@ class _Integration:
             hit = 0
         return np.array(t), np.stack(x, axis=-1), integrate.OdeSolution(t, steps), hit
 
-    def step(self, solver: Any) -> None:
+    def step(self, solver: Any) -> Any:
+        """Take a step, and return the states within it."""
         with np.errstate(all="ignore"):  # a step that leads too far is taken again
             message = solver.step()
+            failed = solver.status == "failed"
+            step: Any = None if failed else solver.dense_output()
+            failed = failed or not np.isfinite([step(solver.t_old), solver.y]).all()
         self.taken += 1
-        if solver.status == "failed" or not np.isfinite(solver.y).all():
+        if failed:
             raise NotConverged(
                 f"the solution ends {place(solver.t, solver.y)}: it grows without bound, or f is "
                 f"NaN or jumps there ({message or 'not finite'})"
@@ -401,6 +404,7 @@ class _Integration:
                 f"{solver.t_bound:g}: a shorter time does where all is fast (time=, and settle= of "
                 "cb.cycle), and what is stiff takes method='LSODA' or 'Radau' (cb.integrate)"
             )
+        return step
 
 
 def _refuse_chatter(pieces: Sequence[Piece]) -> None:

@@ -197,3 +197,13 @@ def test_times_outside_of_a_run_are_refused() -> None:
         run(2.0)
     assert "1 events" in repr(run)
     assert dict(run.table().rows)["events"] == 1
+
+
+def test_a_block_that_topples_is_refused_as_what_grows_without_bound() -> None:
+    topples = cb.Flow(
+        lambda t, x, p: [x[1], x[0] - 1 + 4 * np.cos(4 * t)],
+        until=lambda t, x, p: x[0],
+        reset=lambda t, x, p: [x[0], -0.9 * x[1]],
+    )
+    with pytest.raises(cb.NotConverged, match="grows without bound"):
+        cb.integrate(topples, {"tilt": 0.0, "v": 2.0}, {}, events=30)
