@@ -238,17 +238,27 @@ def _hit(
     elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
         reason = "a flow with the same f has to lead on, after a reset or one flow in between"
     elif not _stays(hit, flight, part, point):
-        reason = "a reset moves the state even where nothing is hit: orbits do not go over"
+        reason = (
+            "a reset moves the state even where nothing is hit, or the flow that follows goes on: "
+            "orbits do not go over"
+        )
     if reason:
         raise Undefined(f"which flows follow there is not known; {reason}")
     return hit, walls
 
 
 def _stays(hit: Sequence[Flow], flight: TrajectorySegment, part: float, point: Point) -> bool:
-    """Tell whether the resets of a contact that only just takes place leave the state."""
+    """Tell whether the resets of a contact that only just takes place leave the state, and the flow
+    behind the wall ends: a heater that has come on at one level goes off at another."""
     after = x = flight.at(np.array([part]))
+    s, states = flight.sampled(2)
+    t, touched = (flight.start + flight.duration * of for of in (s, part))
+    for ending in (flow.until for flow in hit[1:] if flow.until and not system_of(flow)):
+        left, along = (values(ending, *at, point.params) for at in ((touched, x), (t, states)))
+        if abs(left).max() > 1e-6 * abs(along).max():
+            return False
     for reset in filter(None, (flow.reset for flow in hit)):
-        after = values(reset, flight.start + part * flight.duration, after, point.params)
+        after = values(reset, touched, after, point.params)
     size = abs(flight.states).max(axis=0)  # of the motion: at a wall at 0 the state itself has none
     return after.shape == x.shape and bool((abs(after - x)[:, 0] <= 1e-6 * size).all())
 

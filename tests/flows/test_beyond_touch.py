@@ -202,3 +202,18 @@ def test_a_rotation_meets_its_stop_and_leaves_it() -> None:
     assert last.flights[-1].end - last.flights[0].states[0] == pytest.approx([TAU, 0.0], abs=1e-9)
     found = cb.cycle(brakes, start, {"torque": 1.0}, wraps={"theta": TAU}, settle=80)
     assert last.period == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-9)
+
+
+def test_a_heater_that_comes_on_stays_on_so_that_no_orbit_goes_over() -> None:
+    def room(heat: float) -> Any:
+        return lambda t, x, p: [heat - x[0] + p["A"] * np.cos(20 * t)]
+
+    flows = [
+        cb.Flow(room(2.5), until=lambda t, x, p: 1.1 - x[0]),
+        cb.Flow(room(0.0), until=lambda t, x, p: x[0] - 0.9),
+    ]
+    start, within = {"T": 1.0}, {"A": (0.1, 3.0)}
+    orbit = cb.cycle(flows, start, {"A": 0.3}, period=TAU / 20, settle=60)
+    touched = cb.trace(orbit, "A", within=within, events=()).first("GR")
+    with pytest.raises(cb.BadInput, match="or the flow that follows goes on"):
+        cb.switch(touched, within=within)
