@@ -136,7 +136,7 @@ class Cycle(HtmlRepr):
         wanted = equations.parts.get(name, (name,))
         i = equations.states.index(wanted[0])
         part = slice(i, i + len(wanted))
-        return sign * max(_top(f, part, sign) for f in self.flights if i < f.dimension)
+        return sign * max(top(f, part, sign) for f in self.flights if i < f.dimension)
 
     @cached_property
     @one_thread
@@ -254,7 +254,7 @@ class Cycle(HtmlRepr):
         return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
 
 
-def _top(flight: TrajectorySegment, part: slice, sign: float) -> float:
+def top(flight: TrajectorySegment, part: slice, sign: float) -> float:
     """The largest value of some states on a flight, beside the largest of many: at the other end
     of a closed one, too."""
     s, states = flight.sampled(8)  # into each interval

@@ -52,7 +52,7 @@ from ..flows.conservative_events import (
     followed,
 )
 from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
-from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing
+from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing, top
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
@@ -204,20 +204,17 @@ class Breather(Cycle):
         u, v = np.split(self.states(t), 2)
         return u, v
 
-    @cached_property
-    def _sampled(self) -> Array:
-        """Positions of all sites, where they are at rest among them: there intervals begin."""
-        return np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
-
     @property
     def swings(self) -> Array:
-        """How far each site moves, from end to end."""
-        return np.asarray(np.ptp(self._sampled, axis=1))
+        """About how far each site moves, from end to end: between samples."""
+        sampled = np.hstack([f.sampled(4)[1][: self.chain.sites] for f in self.flights])
+        return np.asarray(np.ptp(sampled, axis=1))
 
     @property
     def farthest(self) -> float:
         """The largest displacement of any site at any time."""
-        return float(abs(self._sampled).max())
+        positions = slice(0, self.chain.sites)
+        return max(top(f, positions, sign) for f in self.flights for sign in (1.0, -1.0))
 
     # --- its columns --------------------------------------------------------------------------
 

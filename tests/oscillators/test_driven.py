@@ -33,6 +33,12 @@ def test_a_driven_breather_attracts_what_starts_beside_it(driven) -> None:
     np.testing.assert_allclose(exact.final, orbit.states(0.0), atol=1e-9)
 
 
+def test_the_largest_displacement_is_that_of_the_motion_between_samples(driven) -> None:
+    orbit = driven.solution
+    u = orbit.displacement(slice(None), np.linspace(0.0, orbit.period, 20001))
+    assert orbit.farthest == pytest.approx(abs(u).max(), abs=1e-7)
+
+
 def test_losses_are_the_product_of_all_multipliers(driven) -> None:
     """Liouville: the volume shrinks by exp(-N d T)."""
     orbit = driven.solution
