@@ -95,11 +95,12 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     from scipy.optimize import linear_sum_assignment
 
     values, vectors = np.linalg.eig(matrix)
-    # where two meet each has a vector of its own
+    # where two meet each has a vector of its own, perhaps of a pair just off the axis: without sign
     which, places = linear_sum_assignment(abs(values[:, None] - on))
-    x = vectors[:, which[places.argsort()]].real
+    x = vectors[:, which[places.argsort()]]
     turned = form @ x
-    forms, sizes = (x * turned).sum(axis=0), np.sqrt((x**2).sum(axis=0) * (turned**2).sum(axis=0))
+    forms = (x.conj() * turned).sum(axis=0).real
+    sizes = np.sqrt((abs(x) ** 2).sum(axis=0) * (abs(turned) ** 2).sum(axis=0))
     # next to where opposite ones meet their vectors do, too, and rounding decides
     return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 

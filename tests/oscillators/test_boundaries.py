@@ -222,6 +222,26 @@ def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
     assert (before[1][before[0].argsort()] != after[1][after[0].argsort()]).any()
 
 
+def test_curves_of_collisions_cross_where_the_instability_between_them_closes() -> None:
+    """At c = 0.0143 pairs come past each other, and rounding tells their vectors apart."""
+    D = np.diff(np.eye(3), axis=0)
+    uneven = cb.Lattice(D.T @ D, masses=[1, 1.2, 0.9])
+    chain = cb.Oscillators("(1 - exp(-u))**2/2", "c*r**2/2 - 0.04*r**3/3", uneven)
+
+    def collisions(c):
+        start = cb.breather(chain, {0: 1}, omega=0.645, params={"c": c})
+        branch = cb.trace(start, "omega", within={"omega": (0.635, 0.645)})
+        found = [point for point in branch.special if point.kind == "KC"]
+        return sorted(found, key=lambda point: point["omega"])
+
+    before, beyond = collisions(0.018), collisions(0.012)
+    steps = cb.Steps(largest=0.01)
+    line = cb.boundary(before[0], ("c", "omega"), within={"c": (0.012, 0.018)}, steps=steps)
+    end = line["c"].argmin()
+    assert line["c"][end] == 0.012
+    assert line["omega"][end] == pytest.approx(beyond[1]["omega"], abs=1e-7)
+
+
 def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:
     """At both ends of the curve and between."""
     start = CASES["PD"][0]()
