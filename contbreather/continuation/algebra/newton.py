@@ -54,9 +54,9 @@ def newton(
 
     Without `row` there are as many equations as unknowns, and one fewer with it. It ends with a
     correction of at most ``tolerance (1 + |z|)``, and then is far more exact, being quadratic; for
-    a large z each entry has to be as exact. A correction that grows by more than the residual falls
-    ends it, too: a solution still where all that is left of the equations is rounding, as of stiff
-    ones, or beside a branch point.
+    a large z each entry has to be as exact. A correction that grows ends it, too, but by rounding:
+    a solution still where all that is left of the equations is rounding, as of stiff ones, or
+    beside a branch point.
     Raises `Undefined` where the equations have no value.
     """
     size = 1.0 + curve.length(z)
@@ -77,9 +77,10 @@ def newton(
         if slow and moved > bound:
             solved = bool((abs(value) <= rounding(matrix, z)).all())
             residual = float(abs(value).max())
-            # one that grew by less than the residual fell follows one that was short by chance,
-            # where rounding decides how long corrections are
-            if solved or (moved > 2.0 * previous and moved * residual >= previous * left):
+            # where rounding decides how long corrections are one may have been short by chance:
+            # the next one grows by less than the residual falls
+            chance = moved <= _REUSED * size and moved * residual < previous * left
+            if solved or (moved > 2.0 * previous and not chance):
                 return Solution(z, solved, iteration, residual)
         z = z - step
         if moved <= bound and (
