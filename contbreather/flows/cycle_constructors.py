@@ -114,7 +114,7 @@ def cycle(
         ``point.solution`` is a `Cycle`. Columns are ``period``, ``unstable`` (multipliers outside
         of the unit circle), ``max(x)`` and ``min(x)`` of each state, ``trivial`` (how far that
         multiplier is off 1) of autonomous ones, ``lambda`` (rounding) and what is conserved. A
-        forced motion that settles clear of the conditions of its flows has these as its walls.
+        motion that settles clear of the conditions of its flows has these as its walls.
 
     Raises
     ------

@@ -17,7 +17,7 @@ from ..errors import BadInput, NotConverged
 from .collocation import AT_REST
 from .flow import Filippov, Flow, contact_of, slid_along
 from .functions import Params, values
-from .integrate import TooManySteps, Trajectory, integrate, root
+from .integrate import NeverMet, TooManySteps, Trajectory, integrate, root
 from .rotation import Angles
 from .rounds import RETURNS
 
@@ -39,14 +39,18 @@ def simulated_orbit(
     run, size = partial(_run, flows, params, []), float(abs(start[1]).max())
     t, state, first = _settled(run, start[1], length, start[0], settle)
     begin = t, state - angles.turns(state), first
-    if alone is None and length is not None:
-        ran = run(x0=begin[1], time=_CLEAR * length, t0=t, first=first, events=1)
-        if not ran.events:
-            alone = _clear_of(flows, first)
-            begin = t + _CLEAR * length, ran.final - angles.turns(ran.final), first
-            run = partial(_run, (alone,), params, [])
     if alone is None:
-        return _hybrid(run, begin, length, RETURNS if settle else 1, angles)
+        wait: dict[str, float] = {} if length is None else {"time": _CLEAR * length}
+        try:
+            ran = run(x0=begin[1], t0=t, first=first, events=1, **wait)
+        except NeverMet:
+            pass
+        else:
+            if ran.events:
+                return _hybrid(run, begin, length, RETURNS if settle else 1, angles)
+            begin = t + wait["time"], ran.final - angles.turns(ran.final), first
+        alone = _clear_of(flows, first)
+        run = partial(_run, (alone,), params, [])
     if length is not None:
         return (alone,), [_forced(alone, run, begin, length, RETURNS if settle else 1, angles)]
     return (alone,), [_smooth(alone, run, params, begin, settle or _WAIT, size, angles)]
@@ -95,8 +99,8 @@ def _clear_of(flows: Any, first: int) -> Flow:
         flow = flows.flows[first]
         if slid_along(flow):
             raise NotConverged(
-                f"the motion along the surface does not leave it within {_CLEAR} periods: give the "
-                "field that it has there, of one state less"
+                "the motion along the surface does not leave it: give the field that it has there, "
+                "of one state less"
             )
         walls = [contact_of(flow, flow)]
     else:

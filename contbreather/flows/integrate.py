@@ -31,6 +31,10 @@ class TooManySteps(NotConverged):
     """More steps than allowed, as a stiff system takes by an explicit method."""
 
 
+class NeverMet(NotConverged):
+    """A motion that goes on and on, and does not meet the condition that ends its flow."""
+
+
 @dataclass(frozen=True)
 class _InTurn:
     """Flows in the order of their list, the first after the last; `Filippov` decides by its state
@@ -369,6 +373,7 @@ class _Integration:
             t.append(solver.t if hit is None else at)
             x.append(solver.y if hit is None else steps[-1](at))
         if hit is None and waited < end:
+            kind: type[NotConverged] = NeverMet
             why = (
                 "a guard is positive inside and zero at the end (cb.integrate waits longer with "
                 "time=)"
@@ -376,8 +381,9 @@ class _Integration:
             late = np.linspace(0.5 * (t0 + t[-1]), t[-1], 16)  # the second half of the time
             moved = np.ptp(integrate.OdeSolution(t, steps)(late), axis=1)
             if moved.max() <= AT_REST * abs(np.array(x)).max():
+                kind = NotConverged
                 why = f"it has come to rest at x = {brief(x[-1].tolist())}; start elsewhere"
-            raise NotConverged(
+            raise kind(
                 f"the condition of flow {mode} was not met within {t[-1] - t0:g} from t = {t0:g}, "
                 f"x = {brief(x0.tolist())}, in {len(steps)} steps: {why}"
             )

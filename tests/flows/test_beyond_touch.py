@@ -12,7 +12,7 @@ import contbreather as cb
 from contbreather.continuation.branches.duplicates import Duplicate, ending_at
 
 from .test_beyond_impact import misses
-from .zoo import across
+from .zoo import across, van_der_pol
 
 TAU = 2 * np.pi
 WITHIN = {"w": (0.5, 2.0)}
@@ -217,3 +217,19 @@ def test_a_heater_that_comes_on_stays_on_so_that_no_orbit_goes_over() -> None:
     touched = cb.trace(orbit, "A", within=within, events=()).first("GR")
     with pytest.raises(cb.BadInput, match="or the flow that follows goes on"):
         cb.switch(touched, within=within)
+
+
+def test_an_orbit_clear_of_its_condition_is_one_of_a_flow_with_that_wall() -> None:
+    """Van der Pol's oscillator between whose orbit and a stop there is room: GR is where the stop
+    is at its amplitude."""
+    stop = cb.Flow(
+        van_der_pol, until=lambda t, x, p: p["w"] - x[0], reset=lambda t, x, p: [x[0], -0.8 * x[1]]
+    )
+    start, window = {"x": 0.1, "v": 0.0}, {"w": (1.9, 4)}
+    clear = cb.cycle([stop], start, {"mu": 1.0, "w": 3.0})
+    free = cb.flows.cycle_of(cb.cycle(van_der_pol, start, {"mu": 1.0}))
+    touched, hits = across(clear, "w", "GR", window)
+    assert touched["w"] == pytest.approx(free.max["x"], rel=1e-8)
+    assert touched["period"] == pytest.approx(free.period, rel=1e-8)
+    found = cb.cycle([stop], start, {"mu": 1.0, "w": hits[-1]["w"]}, settle=30)
+    assert hits[-1]["period"] == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-8)

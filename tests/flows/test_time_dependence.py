@@ -150,7 +150,7 @@ def never_met(**more) -> cb.Problem:
         (lambda: cb.cycle(lambda t, x, p: [np.sqrt(1.5 - x[0]) + np.cos(t)], {"x": 0.0}, {},
                           period=5.0, settle=9), "f is not periodic in t with the period 5"),
         (true_or_false, r"until is True at t = 0.*; a number was expected, positive"),
-        (never_met, r"was not met within \d{3,4}(\.\d+)? from t = 0, .* in 10000 steps"),
+        (never_met, "one of a family"),
         (lambda: never_met(period=TAU), "one of a family"),
     ],
 )  # fmt: skip
