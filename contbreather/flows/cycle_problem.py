@@ -331,10 +331,9 @@ class CycleProblem(Problem):
         """The first impact is at a time of the forcing; and states that the reset takes back by a
         constant, as those of a rotation, are angles."""
         equations = self.residual
-        if equations.phased:
-            return {"phase": equations.forcing_period(params)}
         back = equations.taken_back(x, params)
-        return {} if back is None else {"orbit": back}
+        angles: dict[str, Any] = {} if back is None else {"orbit": back}
+        return angles | ({"phase": equations.forcing_period(params)} if equations.phased else {})
 
     @cached_property
     def roughly(self) -> Callable[[Array, Params], Array]:  # type: ignore[override]

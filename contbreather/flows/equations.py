@@ -27,7 +27,7 @@ from ..continuation.curve.point import Point
 from ..errors import BadInput
 from .collocation import ROUNDING, Slopes, TrajectorySegment, as_one_flight, derivatives, flown
 from .conservation import Conservation
-from .flow import Flow, slid_along
+from .flow import Flow, TurnedBack, slid_along
 from .functions import Params, callings, slopes, values
 
 Places = NDArray[np.intp]
@@ -490,12 +490,17 @@ class FlowEquations:
         return float(values(self.period, 0.0, np.zeros((1, 1)), p)[0, 0])
 
     def taken_back(self, x: Array, p: Params) -> Array | None:
-        """Measure how far the reset of a smooth flow moves each state, if all alike: a turn of an
-        angle, and no mirror."""
-        if not self.smooth or self.flows[0].reset is None:
+        """Measure how far each state is moved where whole turns are taken back, or by the reset of
+        a smooth flow, if all alike: a turn of an angle, and no mirror."""
+        last = self.flows[-1].reset
+        if isinstance(last, TurnedBack) and not self.smooth:
+            own = [f.dimension == last.turns.size for f in self.start]
+            parts = zip(own, self.layout.nodes, strict=True)
+            return np.hstack([np.resize(abs(last.turns) * has, node.size) for has, node in parts])
+        if not self.smooth or last is None:
             return None
         states = x[self.layout.nodes[0]].T
-        moved = values(self.flows[0].reset, self.start[0].start, states, p) - states
+        moved = values(last, self.start[0].start, states, p) - states
         rounded = 1e-12 * abs(states).max()  # what is moved by no more stays
         same = np.ptp(moved, axis=1).max() <= rounded
         back = np.where(abs(moved) > rounded, abs(moved), 0.0)

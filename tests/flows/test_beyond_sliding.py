@@ -260,19 +260,22 @@ def harvested(share: float) -> Any:
     ]
 
 
+def rubbed(side: int) -> Any:
+    return lambda t, x, p: [
+        x[1],
+        p["A"] * np.cos(t) - np.sin(x[0]) - p["d"] * x[1] - side * p["mu"],
+    ]
+
+
+SHAFT = cb.Filippov(rubbed(1), rubbed(-1), lambda t, x, p: x[1] - p["V"])
+TURNING = {"A": 0.0, "d": 0.1, "V": 1.0, "mu": 1.0}
+
+
 def test_a_pendulum_is_carried_over_the_top_by_a_shaft_that_rubs() -> None:
     """Froude's pendulum: it sticks while |sin(theta) + d V| < mu, so that slipping ahead begins at
     mu = 1 - d V, backwards at 1 + d V; there sticking takes the whole of a turn."""
-
-    def rubbed(side: int) -> Any:
-        return lambda t, x, p: [x[1], -np.sin(x[0]) - p["d"] * x[1] - side * p["mu"]]
-
-    def ahead(t: Any, x: Any, p: Any) -> Any:
-        return x[1] - p["V"]
-
-    shaft, params = cb.Filippov(rubbed(1), rubbed(-1), ahead), {"d": 0.1, "V": 1.0, "mu": 1.0}
     start, within = {"theta": 0.0, "v": 0.5}, {"mu": (0.8, 1.2)}
-    carried = cb.cycle(shaft, start, params, wraps={"theta": TAU}, settle=30)
+    carried = cb.cycle(SHAFT, start, TURNING, wraps={"theta": TAU}, settle=30)
     whole = cb.trace(carried, "mu", within=within)
     assert whole.first("SL")["mu"] == pytest.approx(1.1, abs=1e-6)
     assert whole.first("SL")["period"] == pytest.approx(TAU, abs=1e-6)
@@ -281,13 +284,25 @@ def test_a_pendulum_is_carried_over_the_top_by_a_shaft_that_rubs() -> None:
     orbit = arm[-1].solution
     slips = max(orbit.flights, key=lambda flight: float(np.ptp(flight.states[:, 1])))
     middle = slips.at(np.array([0.5]))[:, 0]
-    run = cb.integrate(shaft, middle, orbit.params, time=orbit.period)
+    run = cb.integrate(SHAFT, middle, orbit.params, time=orbit.period)
     assert run.final - middle == pytest.approx([TAU, 0.0], abs=1e-9)
     # fewer flows where it slips backwards no more: mu + d V = 1
     lost, sticks = across(arm[-1].problem, "V", "SL", {"V": (0.5, 3)}, towards="up")
     assert lost["V"] == pytest.approx(2.0, abs=1e-6)
     assert len(sticks[0].solution.flights) == 2
 
-    tilted = cb.Filippov(rubbed(1), rubbed(-1), lambda t, x, p: x[1] - p["V"] - 0.1 * x[0])
+    tilted = cb.Filippov(SHAFT.f_plus, SHAFT.f_minus, lambda t, x, p: x[1] - p["V"] - 0.1 * x[0])
     with pytest.raises(cb.BadInput, match="not the same a turn"):
-        cb.cycle(tilted, start, params, wraps={"theta": TAU}, settle=30)
+        cb.cycle(tilted, start, TURNING, wraps={"theta": TAU}, settle=30)
+
+
+def test_a_curve_closes_where_phase_and_angle_have_made_a_turn() -> None:
+    """A shaft that is pushed once a turn: the orbit is the same one a period, and a turn, later."""
+    params = TURNING | {"A": 0.4, "V": 1.02, "mu": 0.6}
+    turns = cb.cycle(
+        SHAFT, {"theta": 0.0, "v": 3.0}, params, wraps={"theta": TAU}, period=TAU, settle=200
+    )
+    loop = cb.trace(turns, "A", within={"A": (0, 2)}, steps=cb.Steps(most=80))
+    assert loop.stop is cb.continuation.Stop.CLOSED
+    assert abs(loop[-1]["phase"] - loop[0]["phase"]) == pytest.approx(TAU, rel=1e-9)
+    assert [at.kind for at in loop.special] == ["LP", "LP"]
