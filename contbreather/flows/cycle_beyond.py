@@ -164,11 +164,9 @@ def _at_edge(point: Point) -> SwitchingProblem:
     Along the surface it may last no time at all; off it, it lasts as long as what counts as none.
     """
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
-    more, (flows, flights, turns) = (
-        "guard" in point.detail,
-        unturned(equations.flows, orbit.flights),
-    )
-    short, rates = SHORTEST * orbit.period, paces(equations, orbit.x, p)
+    flows, flights, turns = unturned(equations.flows, orbit.flights)
+    more, short = "guard" in point.detail, SHORTEST * orbit.period
+    rates = paces(equations, orbit.x, p)
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
     system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
     assert system

@@ -175,7 +175,7 @@ def relisted(point: Point) -> Relisted:
     next section, two of them where both neighbours do: beyond, these are in order."""
     threshold, free = point.curve.problem.threshold, point.curve.free[-1]
     since_first = point.solution.times - point.solution.times.min()
-    late = np.flatnonzero(since_first > point.solution.section.length)
+    late = np.flatnonzero(since_first >= point.solution.section.length - AT_ONCE)
 
     def from_the_last(orbit: Orbit) -> Problem:
         section, impacts = orbit.section, [*orbit.impacts]
