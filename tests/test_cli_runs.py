@@ -140,6 +140,8 @@ def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(run, comm
     assert name in cb.Run("kept.nc")
     status, out, _ = run("show kept.nc")
     assert (status, len(out) > 40) == (0, True)
+    if name in ("zones2", "run"):
+        assert "--x p: " in run("show kept.nc --x p -o other.png")[2]  # it was left aside
     if name == "zones2":
         assert "Points on the curves at k = 0.7: " in run("show kept.nc zones2")[1]
 

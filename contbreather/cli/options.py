@@ -271,9 +271,13 @@ class Axes:
 
     def check(self, figure: str | None) -> None:
         """Refuse columns where nothing is drawn."""
+        if figure is None:
+            self.refuse("nothing is drawn; name a figure, -o branch.png")
+
+    def refuse(self, why: str) -> None:
         for option, name in vars(self).items():
-            if name is not None and figure is None:
-                raise BadInput(f"--{option} {name}: nothing is drawn; name a figure, -o branch.png")
+            if name is not None:
+                raise BadInput(f"--{option} {name}: {why}")
 
     def plot(self, *branches: cb.Branch) -> Any:
         return cb.plotting.plot(*branches, x=self.x, y=self.y)

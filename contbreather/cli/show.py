@@ -162,6 +162,7 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
     arms = all(isinstance(one, cb.Branch) and one[0].parent and lives_on(one) for one in results)
     match results:
         case _ if all(isinstance(one, cb.orbits.Zones) and any(one) for one in results):
+            axes.refuse("zones are drawn over their two parameters")
             result = of_zones(results)
         case _ if arms and all(re.fullmatch(r"arm\d+", name) for name in by_name):
             result = of_arms(results, axes)
@@ -171,13 +172,14 @@ def _presented(by_name: Mapping[str, Any], axes: Axes) -> Result:
             result = of_diagram(tree, axes)
         case [cb.simulation.SimulationRun() | cb.simulation.SmoothRun() as run]:
             hits = getattr(run, "impacts", {"site": ()})["site"]  # its site hits first
+            axes.refuse("a run is drawn over time")
             result = of_run(RunSummary(run, site=int(hits[0]) if len(hits) else 0))
         case [_]:
             result = Result(dict, list, table, draw)
         case _:
 
             def each() -> dict[str, Any]:
-                alone = {name: _presented({"": one}, axes) for name, one in by_name.items()}
+                alone = {name: _presented({"": one}, Axes()) for name, one in by_name.items()}
                 return {"results": {name: result.entry() for name, result in alone.items()}}
 
             result = Result(each, list, table, draw)
