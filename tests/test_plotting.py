@@ -667,6 +667,14 @@ def test_branches_and_arms_of_several_couplings_are_told_apart_by_colour_and_leg
         assert label.get_color() == colour
 
 
+def test_branches_of_other_lattices_are_told_apart_by_colour_and_legend() -> None:
+    within = {"a": (0.5, 0.55)}
+    rings = [cb.symmetric(0.5, 0.04, 0.8, lattice=cb.Ring(n)) for n in (3, 5)]
+    ax = plots.plot(*(cb.trace(ring, "a", within=within) for ring in rings)).axes
+    words = [text.get_text().split(",")[0] for text in ax.get_legend().get_texts()]
+    assert words[:2] == [f"symmetric breather (ring of {n}" for n in (3, 5)]
+
+
 def test_what_is_the_same_on_all_branches_or_varies_on_one_is_not_in_the_legend(in_a: Branch):
     across = cb.trace(in_a[5], "gamma", within={"gamma": (0.03, 0.05)}, events=())
     ax = plots.plot(in_a, across, x="p", y="phi").axes

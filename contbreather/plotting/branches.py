@@ -173,7 +173,12 @@ def _families(branches: Iterable[Branch]) -> list[int]:
 def _groups(branches: tuple[Branch, ...]) -> list[Group]:
     """Groups of the branches, their values to six digits; none where nothing differs and no
     boundary is among them."""
-    kinds = [b.problem.label or "boundary" if _is_boundary(b) else "" for b in branches]
+    labels = [b.problem.label or ("boundary" if _is_boundary(b) else "") for b in branches]
+    arms = any(point.parent for branch in branches for point in branch.special)
+    told = len({*labels}) > 1 and not arms  # as breathers of other lattices
+    kinds = [
+        label if told or _is_boundary(b) else "" for b, label in zip(branches, labels, strict=True)
+    ]
     fixed = [
         {name: x for name, x in branch.problem.params.items() if name not in branch.curve.varied}
         for branch in branches

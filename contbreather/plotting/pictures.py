@@ -59,7 +59,8 @@ def plot(
     colours where these stand for something), and a legend says so. Where walls were lifted
     (``inadmissible=True``) the part behind them is dotted. Where branches
     differ in a parameter that is fixed along each, colours go by it, and a legend says so where it
-    has room; of boundaries colours go by their kinds, too.
+    has room; of boundaries colours go by their kinds, too, and without arms by their labels, as of
+    breathers on other lattices.
 
     Parameters
     ----------
