@@ -91,6 +91,18 @@ def test_hopf_points_of_the_brusselator_are_those_in_closed_form_on_either_road(
 
 
 @pytest.mark.parametrize("road", ["dense", "sparse"])
+def test_pairs_that_turn_real_beyond_their_hopf_points_leave_no_doubt(road) -> None:
+    branch = cb.trace(brusselator(20, road, L=1.0, B=4.5), "B", within={"B": (4.5, 12)}, events=FEW)
+    found = [(p["B"], p.detail["omega"]) for p in branch.special if p.kind == "HB"]
+    known = (
+        [(1.0, omega) for _, omega in found],
+        [brusselator_hopf(20, k, B) for k, (B, _) in enumerate(found, 1)],
+    )
+    np.testing.assert_allclose(*known, atol=1e-9)
+    assert (len(found), branch.doubtful) == (8, ())
+
+
+@pytest.mark.parametrize("road", ["dense", "sparse"])
 def test_branches_leave_the_trivial_state_where_the_discrete_symbol_vanishes(road) -> None:
     n, length, most = 60, 8 * np.pi, 0.2
     problem = swift_hohenberg(n, length, road)

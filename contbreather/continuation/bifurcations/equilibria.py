@@ -314,7 +314,7 @@ _FOLD = Event(
 FOLD_OF_ALIKE = replace(_FOLD, locus=partial(_fold_locus, weak=systems.turning))
 _HOPF = _OfFlow(
     "HB", partial(_AXIS.least_of_pairs, ""), many=_hopf_tests, count=_AXIS.unstable_pairs,
-    locus=_hopf_locus, examine=_examine_hopf,
+    locus=_hopf_locus, examine=_examine_hopf, may_jump=_AXIS.may_jump,
 )  # fmt: skip
 _AXIS.events.update(LP=_FOLD, HB=_HOPF)
 _BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, base=_HOPF)

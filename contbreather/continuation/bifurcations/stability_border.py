@@ -27,7 +27,7 @@ from ..branches.boundary import codim_two
 from ..curve.point import NOTHING, CodimensionTwo, Event, Examined, Point
 from ..systems import normal_forms
 from ..systems.branch_points import branches_cross
-from ..systems.spectrum import Eigenvalues, Multipliers
+from ..systems.spectrum import Eigenvalues, Multipliers, NearAxis
 
 Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
 
@@ -63,6 +63,11 @@ class Border:
     def unstable_pairs(self, point: Point) -> int:
         """Count them beyond the border: pairs that are alike pass it without a change of sign."""
         return self.spectrum(point).unstable_pairs
+
+    def may_jump(self, point: Point) -> bool:
+        """Where a pair turns real the test of pairs goes on with the next: real ones of a sparse
+        matrix are not all known."""
+        return isinstance(self.spectrum(point), NearAxis)
 
     def least_of_pairs(self, on: str, point: Point) -> float:
         return self.others(on, point).least_of_pairs()
@@ -142,7 +147,8 @@ class Border:
     def two_pairs(self, kind: str) -> Event:
         """Make the event of a second pair on the border, on the curve of one."""
         test = partial(self.least_of_pairs, self.pair)
-        return Event(kind, test, examine=partial(self.examine, (self.pair, self.pair)))
+        examine = partial(self.examine, (self.pair, self.pair))
+        return Event(kind, test, examine=examine, may_jump=self.may_jump)
 
     def degenerate(
         self, kind: str, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic

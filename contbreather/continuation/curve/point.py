@@ -333,8 +333,9 @@ class Event:
     ends : {'', 'branch', 'domain'}
         Whether the branch ends at the event, and whether solutions mean something on the positive
         side of the test only: then a start beyond is refused.
-    may_jump : bool
-        Whether nothing happens where the test changes its sign in a jump; else that is doubtful.
+    may_jump : bool or callable
+        Whether nothing happens where the test changes its sign in a jump, or ``may_jump(point)``,
+        which says so of one place; else that is doubtful.
     turns : bool
         Whether the test is the pace of the free parameter: nothing happens where that stays.
 
@@ -352,7 +353,7 @@ class Event:
     locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None
     ends: Literal["", "branch", "domain"] = ""
-    may_jump: bool = False
+    may_jump: bool | Callable[[Point], bool] = False
     turns: bool = False
 
     def __post_init__(self) -> None:

@@ -159,7 +159,8 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     beside = (samples.look(v) for v in (max(u - off, left), min(u + off, right)))
     if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
         return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
-    if samples.event.may_jump:
+    may_jump = samples.event.may_jump
+    if may_jump(point) if callable(may_jump) else may_jump:
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
         return None
     reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
