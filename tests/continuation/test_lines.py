@@ -322,3 +322,19 @@ def test_a_coefficient_is_told_from_a_parameter_of_its_name() -> None:
     assert point.detail["a"] == point["a of BT"]
     with pytest.raises(cb.BadInput, match="no 'c of BT' at this point"):
         point["c of BT"]
+
+
+def test_a_hopf_curve_on_which_a_real_eigenvalue_passes_zero_has_no_gh_there() -> None:
+    """Beside ``w' = (a + i) w - |w|^2 w``, whose l1 is the same for all b: ``z' = b z - z^3``."""
+
+    def flow(u, p):
+        x, y, z = u
+        square = x * x + y * y
+        return np.array(
+            [p["a"] * x - y - square * x, x + p["a"] * y - square * y, p["b"] * z - z**3]
+        )
+
+    problem = cb.Problem(flow, {"u": np.zeros(3)}, {"a": -0.5, "b": 0.5})
+    point = cb.trace(problem, "a", within={"a": (-1, 1)}, events=[cb.hopf()]).first("HB")
+    curve = cb.boundary(point, ("b", "a"), within={"b": (-1, 1)})
+    assert (lines.kinds(curve), curve.doubtful) == ([], ())

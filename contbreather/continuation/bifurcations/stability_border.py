@@ -157,7 +157,7 @@ class Border:
         return Event(
             kind,
             partial(self._without_poles, on, poles, coefficient),
-            examine=partial(self._examine_zero, on, name, coefficient),
+            examine=partial(self._examine_zero, on, poles, name, coefficient),
         )
 
     def _without_poles(
@@ -173,7 +173,12 @@ class Border:
             return math.nan
         return math.prod(factors) * known.signed
 
-    def _examine_zero(self, on: str, name: str, coefficient: Cubic, point: Point) -> Examined:
+    def _examine_zero(
+        self, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic, point: Point
+    ) -> Examined:
+        others = self.others(on, point)
+        if any((abs(others.values - place) < others.beside).any() for place in poles):
+            return NOTHING  # a pole, or where symmetry leaves none, the zero that was to meet it
         known = coefficient(point, normal_forms.AGREED)
         if abs(known.value.real) > 1e-6 * (known.size + normal_forms.Forms(point).cubic):
             return f"{name} {known.value.real:.2g} is not zero"
