@@ -179,3 +179,27 @@ def test_foci_that_are_neutral_together_are_no_hopf_point() -> None:
     branch = trace(problem, "B", within={"B": (1.2, 3.5)}, events=[hopf()])
     assert np.allclose([at["B"] for at in branch.special if at.kind == "HB"], [2.0, 2.4])
     assert not branch.doubtful
+
+
+@pytest.mark.parametrize(
+    "saddles",
+    [
+        {-0.036: 0.5, 0.019: -1.0, -0.032: 1.0},
+        {0.034: 1.0, -0.06: -1.0, 0.088: 1.0, -0.027: -1.0},
+        {0.064: 1.0, -0.004: 0.5, -0.054: 0.5, 0.06: 1.0},
+    ],
+)
+def test_a_hopf_point_is_found_once_among_neutral_saddles_of_the_same_step(saddles) -> None:
+    """Where the sum of two real eigenvalues vanishes the test changes its sign, too."""
+    places, rates = (np.array([*of]) for of in (saddles.keys(), saddles.values()))
+
+    def flow(u, p):
+        x, y, w = u[:3]
+        pair = p["a"] * x - y, x + p["a"] * y
+        return np.array([*pair, -w, *((1 + rates * (p["a"] - places)) * u[3:])])
+
+    problem = Problem(flow, {"u": np.zeros(3 + places.size)}, {"a": -0.9})
+    branch = trace(problem, "a", within={"a": (-0.9, 0.9)}, events=[hopf()])
+    (point,) = (point for point in branch.special if point.kind == "HB")
+    assert abs(point["a"]) < 1e-9
+    assert not branch.doubtful

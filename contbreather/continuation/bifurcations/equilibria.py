@@ -224,11 +224,12 @@ def _hopf_tests(points: Points) -> Many | None:
     scales = curve.scales[: curve.size]
     flows = matrices[:, :, : curve.size] / scales[:, None] * scales
     rounding = spectrum.ROUNDING * np.linalg.norm(flows, axis=(1, 2))
-    counts = np.count_nonzero(values.real > rounding[:, None], axis=1) // 2
     first, second = spectrum.pairs(values.T)
+    rounding = rounding[:, None]
+    counts = spectrum.pairs_beyond(values, partial(spectrum.right_of_axis, rounding))
     if not first.size:
         return np.full(len(points), math.nan), counts
-    return spectrum.least_with_sign((first + second).T, rounding[:, None]), counts
+    return spectrum.least_with_sign((first + second).T, rounding), counts
 
 
 def unstable(point: Point) -> int:

@@ -60,7 +60,7 @@ class Border:
             return replace(values, values=values.values[:0])
         return values.without(upper, upper.conjugate())
 
-    def unstable_pairs(self, point: Point) -> int:
+    def unstable_pairs(self, point: Point) -> complex:
         """Count them beyond the border: pairs that are alike pass it without a change of sign."""
         return self.spectrum(point).unstable_pairs
 

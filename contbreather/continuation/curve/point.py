@@ -316,7 +316,8 @@ class Event:
     count : callable, optional
         ``count(point)``, a number that changes by one where the test has a simple zero, of
         unstable eigenvalues for instance, or an array of which one does. Two zeros within a step,
-        which leave no change of sign, are seen by changes of more than one in all.
+        which leave no change of sign, are seen by changes of more than one in all. The imaginary
+        part of a complex one counts zeros of the test that are no events.
     many : callable, optional
         ``many(points)``, arrays with the test and the count (None without one) at all points of a
         `Points`; or None where it cannot say these at once. It serves the speed of `values` alone,
@@ -348,7 +349,7 @@ class Event:
     kind: str
     test: Callable[[Point], float | int] | None
     _: KW_ONLY
-    count: Callable[[Point], int | float | Array] | None = None
+    count: Callable[[Point], complex | Array] | None = None
     many: Callable[[Any], Many | None] | None = None
     locus: Callable[[Point], DefiningSystem] | None = None
     examine: Callable[[Point], Examined] | None = None

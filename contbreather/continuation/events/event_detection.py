@@ -120,7 +120,7 @@ def quiet_steps(
         elif int in map(type, tests[i]):
             quiet[i] = blank[i]
         elif event.count is not None and quiet[i].any():
-            known = not math.isnan(counts[i, 0])
+            known = not np.isnan(counts[i, 0])
             row = counts[i] if known else [count_at(event, point) for point in points]
             quiet[i] &= ~more_than_one([count_at(event, first), *row])
         if several and event.matrix:

@@ -134,8 +134,10 @@ def count_at(event: Event, point: Point) -> Any:
 
 def more_than_one(counts: Sequence[Any]) -> NDArray[np.bool_]:
     """Between which of these a count changes by more than one, or several together do."""
-    changes = abs(np.diff(counts, axis=0))
-    return np.asarray((changes.sum(axis=1) if changes.ndim > 1 else changes) > 1)
+    changes = np.diff(counts, axis=0)
+    if changes.ndim > 1:
+        return np.asarray(abs(changes).sum(axis=1) > 1)
+    return np.asarray((abs(changes) > 1) & (changes.real != 0))
 
 
 @dataclass

@@ -76,6 +76,21 @@ def pairs(values: Values) -> tuple[Values, Values]:
 _each_with_later = cache(partial(np.triu_indices, k=1))
 
 
+def right_of_axis(rounding: Any, first: Values, second: Values) -> NDArray[np.bool_]:
+    return np.asarray((first + second).real > rounding)
+
+
+def pairs_beyond(values: Values, beyond: Callable[[Values, Values], NDArray[np.bool_]]) -> Any:
+    """Count pairs, along the last axis, that are beyond what is critical: complex ones, and as the
+    imaginary part those of two real values. Each zero of their test changes one of both by one;
+    where complex ones turn real they change by an even number together, and the test by none."""
+    i, j = _each_with_later(values.shape[-1])
+    first, second = values[..., i], values[..., j]
+    of_real = beyond(first, second) & (first.imag == 0) & (second.imag == 0)
+    complex_ones = beyond(values, values.conj()) & (values.imag > 0)
+    return np.count_nonzero(complex_ones, axis=-1) + 1j * np.count_nonzero(of_real, axis=-1)
+
+
 @dataclass(frozen=True, eq=False)
 class CriticalValues:
     """Critical values of a linearisation: eigenvalues or multipliers, as far as they are known."""
@@ -137,9 +152,10 @@ class Multipliers(CriticalValues):
     beside = _CIRCLE
 
     @property
-    def unstable_pairs(self) -> int:
-        """Half the number of those outside the circle: closer than this they are on it."""
-        return int(np.count_nonzero(abs(self.values) > 1 + 1e-9)) // 2
+    def unstable_pairs(self) -> complex:
+        """Of pairs: closer to the circle than this they are on it."""
+        known = self.values[np.isfinite(self.values)]
+        return complex(pairs_beyond(known, lambda first, second: (first * second).real > 1 + 2e-9))
 
     @property
     def critical(self) -> Values:
@@ -176,9 +192,10 @@ class Eigenvalues(CriticalValues):
         return self.values[abs(self.values.real) < self.beside]
 
     @property
-    def unstable_pairs(self) -> int:
-        """Half the number of those to the right of the axis, by more than rounding."""
-        return int(np.count_nonzero(self.values.real > self.rounding)) // 2
+    def unstable_pairs(self) -> complex:
+        """Of pairs, those to the right of the axis by more than rounding."""
+        right = partial(right_of_axis, self.rounding)
+        return complex(pairs_beyond(self.values, right))
 
     def factors(self) -> tuple[Values, Array | float]:
         # the eigenvalues of the bialternate product of 2 F_x and 1, singular at Hopf points

@@ -59,7 +59,8 @@ class BranchPiece:
         # of few each is made once, not once for each event
         many = len(self.points)
         points = self.points if many >= MANY else [*self.points]
-        tests, counts = np.empty((len(events), many), dtype=object), np.empty((len(events), many))
+        tests = np.empty((len(events), many), dtype=object)
+        counts = np.empty(tests.shape, dtype=complex)
         for i, event in enumerate(events):
             tests[i], counts[i] = event.values(points)
         return BranchPiece(self.points, self.crossing, self.stop, tests, counts)
