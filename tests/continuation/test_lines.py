@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse import diags_array
 
 import contbreather as cb
 from contbreather.continuation import Point, Stop
@@ -338,3 +339,25 @@ def test_a_hopf_curve_on_which_a_real_eigenvalue_passes_zero_has_no_gh_there() -
     point = cb.trace(problem, "a", within={"a": (-1, 1)}, events=[cb.hopf()]).first("HB")
     curve = cb.boundary(point, ("b", "a"), within={"b": (-1, 1)})
     assert (lines.kinds(curve), curve.doubtful) == ([], ())
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+def test_where_two_curves_of_branch_points_cross_there_is_no_takens_bogdanov_point(sparse) -> None:
+    """A double zero, but with a null vector for each."""
+    slow = np.array([1.0, 1.0, -1.0, -2.0, -3.0, -4.0, -5.0, -6.0, -7.0, -8.0])
+    own = np.array([0.0, 1.0] + 8 * [0.0])
+
+    def rates(p):
+        return np.where(slow > 0, p["a"] + own * p["b"], slow)
+
+    problem = cb.Problem(
+        lambda u, p: rates(p) * u - u**3,
+        {"u": np.zeros(10)},
+        {"a": -0.5, "b": 0.3},
+        jacobian=lambda u, p: (diags_array if sparse else np.diag)(rates(p) - 3 * u**2),
+    )
+    events = [cb.branch_point(), cb.hopf()]
+    branch = cb.trace(problem, "a", within={"a": (-1, 1)}, events=events)
+    curve = cb.boundary(branch.first("BP"), ("b", "a"), within={"b": (-1, 1)}, events=events)
+    assert (lines.kinds(curve), curve.doubtful) == ([], ())
+    assert np.ptp(curve["b"]) > 1.5

@@ -21,6 +21,7 @@ from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import is_sparse
 from ..curve.branch import Points
 from ..curve.point import (
+    NOTHING,
     CodimensionTwo,
     DefiningSystem,
     Event,
@@ -289,6 +290,13 @@ def _examine_double_zero(point: Point) -> Examined:
     return coefficients | branch_points.crossed(base)
 
 
+def _examine_on_branch_points(point: Point) -> Examined:
+    base = point.base_point
+    if systems.least_in_unknowns(base.curve, base.z).second <= LOST:
+        return NOTHING  # another curve of branch points crosses: two zeros with a vector each
+    return _examine_double_zero(point)
+
+
 def _lyapunov(point: Point, agreed: float) -> normal_forms.Coefficient:
     if not point["omega2"] > 0:
         raise Undefined("beyond BT are neutral saddles")
@@ -318,8 +326,9 @@ _HOPF = _OfFlow(
     locus=_hopf_locus, examine=_examine_hopf, may_jump=_AXIS.may_jump,
 )  # fmt: skip
 _AXIS.events.update(LP=_FOLD, HB=_HOPF)
-_BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, base=_HOPF)
-_AXIS.double.update(LP=_BT, BP=replace(_BT, examine=_examine_double_zero))
+# where another eigenvalue passes zero the signs of null vectors jump
+_BT = CodimensionTwo("BT", systems.overlap, examine=_examine_takens, may_jump=True, base=_HOPF)
+_AXIS.double.update(LP=_BT, BP=replace(_BT, examine=_examine_on_branch_points))
 _ON_HOPF = (
     # beyond it omega^2 is negative: a neutral saddle, no Hopf point any more
     CodimensionTwo(

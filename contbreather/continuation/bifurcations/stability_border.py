@@ -176,11 +176,11 @@ class Border:
     def _examine_zero(
         self, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic, point: Point
     ) -> Examined:
-        others = self.others(on, point)
-        if any((abs(others.values - place) < others.beside).any() for place in poles):
-            return NOTHING  # a pole, or where symmetry leaves none, the zero that was to meet it
         known = coefficient(point, normal_forms.AGREED)
         if abs(known.value.real) > 1e-6 * (known.size + normal_forms.Forms(point).cubic):
+            others = self.others(on, point)
+            if any((abs(others.values - place) < others.beside).any() for place in poles):
+                return NOTHING  # a pole, or where symmetry leaves none the zero that was to meet it
             return f"{name} {known.value.real:.2g} is not zero"
         return "" if on in self.real else self.examine((on,), point)
 

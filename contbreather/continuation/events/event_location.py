@@ -159,8 +159,7 @@ def _zero(samples: StepSamples, left: float, right: float) -> Located | None:
     beside = (samples.look(v) for v in (max(u - off, left), min(u + off, right)))
     if left_over <= 1e-6 * size or left_over <= 0.1 * min(map(abs, beside)):
         return u - 1e-14, u + 1e-14, _isolated(samples, u, left, right)  # to the last digit of u
-    may_jump = samples.event.may_jump
-    if may_jump(point) if callable(may_jump) else may_jump:
+    if _may_jump(samples, point):
         samples.settle_jump(max(u - ASIDE, left), min(u + ASIDE, right))
         return None
     reason = f"the test of {kind} changes sign without a zero: it jumps or has a pole"
@@ -189,7 +188,14 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
     return replace(point, detail={"reason": reason})
 
 
-def _at_crossing(samples: StepSamples, u: float, left: float, right: float, size: float) -> Located:
+def _may_jump(samples: StepSamples, point: Point) -> bool:
+    may = samples.event.may_jump
+    return may(point) if callable(may) else may
+
+
+def _at_crossing(
+    samples: StepSamples, u: float, left: float, right: float, size: float
+) -> Located | None:
     """A zero where another curve crosses as well: the branch point is solved for."""
     segment = samples.segment
     try:
@@ -200,6 +206,9 @@ def _at_crossing(samples: StepSamples, u: float, left: float, right: float, size
     if not left - ASIDE <= place <= right + ASIDE:  # that of another zero, told twice
         raise Undefined("its test has no value in between, and the next branch point is outside")
     if abs(samples.event.value_or_nan(point)) > 1e-6 * size:
+        if _may_jump(samples, point):
+            samples.settle_jump(max(place - ASIDE, left), min(place + ASIDE, right))
+            return None
         raise Undefined("a branch point is in the way")
     return place - ASIDE, place + ASIDE, point
 

@@ -29,7 +29,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..algebra.derivatives import extrapolated
-from ..algebra.linear_algebra import least_singular, sense, solved
+from ..algebra.linear_algebra import LOST, least_singular, sense, solved
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import (
     Matrix,
@@ -278,7 +278,7 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     weak = least_singular(forms.A)
     q0, p1 = weak.right, weak.left
     if is_sparse(forms.A):  # fine meshes have small singular values everywhere
-        alone = weak.second > weak.size
+        alone = weak.second > LOST * weak.largest
     else:  # each row in its own size: beside fast ones what is slow is small
         sizes = np.maximum(abs(forms.A).max(axis=1, keepdims=True), 1e-300)
         rows = np.linalg.svd(forms.A / sizes, compute_uv=False)
