@@ -227,6 +227,23 @@ def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_
         cb.boundary(branch.first("LP"), ("null", "h"))
 
 
+def test_an_iteration_that_goes_astray_on_a_curve_of_hopf_points_prints_nothing(capfd) -> None:
+    def circuit(u, p):  # HB crosses BP, nu = -be, at be = 0.6
+        x, y, z = u
+        cubic = 0.93 * (y - x) ** 3
+        slow = (p["be"] + p["nu"]) * x - p["be"] * y + 0.33 * x**3 - cubic
+        return [-slow / 0.6, p["be"] * x - (p["be"] - 0.6) * y - z - cubic, y]
+
+    events = [cb.branch_point(), cb.hopf()]
+    start, window = {"x": 0.0, "y": 0.0, "z": 0.0}, {"nu": (-2, 1), "be": (0.05, 1.5)}
+    problem = cb.Problem(circuit, start, {"nu": -0.9, "be": 0.5}, events=events)
+    curve = cb.boundary(
+        cb.trace(problem, "nu", within=window).first("HB"), ("nu", "be"), within=window
+    )
+    assert curve.first("HB-BP")["be"] == pytest.approx(0.6, abs=1e-9)
+    assert capfd.readouterr().err == ""  # LAPACK wrote there that its callback failed
+
+
 def test_a_neutral_saddle_cannot_be_traced_as_a_hopf_point() -> None:
     def residual(u, p):
         return np.array([(1 + p["m"]) * u[0], (2 * p["m"] - 1) * u[1] + p["c"]])

@@ -402,6 +402,8 @@ def _ordered(matrix: Array, values: Values, square: float) -> tuple[Array, Array
         return matrix, np.eye(2)
     off = np.sort(abs(values**2 + square))
     bound = 0.5 * float(off[1] + off[2])
+    if not math.isfinite(bound):  # an iteration that goes astray: squares of Python raise in LAPACK
+        raise Undefined("eigenvalues are too large to be squared")
     form, vectors, count = schur(
         matrix, sort=lambda re, im: abs(complex(re, im) ** 2 + square) <= bound
     )
