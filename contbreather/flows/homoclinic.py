@@ -273,7 +273,7 @@ def _moves(point: Point) -> float:
 def _examine(point: Point) -> Examined:
     """Name the equilibria: a relaxation oscillation is slow without one."""
     orbit: Cycle = point.base_point.solution
-    if point.direction[orbit.equations.layout.lengths].sum() <= 0:
+    if point.tangent is not None and point.tangent[orbit.equations.layout.lengths].sum() <= 0:
         return NOTHING  # states that grow without bound are as slow, beside their size
     if coarse := orbit.coarse():
         return coarse

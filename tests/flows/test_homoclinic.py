@@ -8,6 +8,7 @@ import re
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import contbreather as cb
@@ -318,6 +319,29 @@ def test_a_period_that_falls_to_zero_comes_to_no_equilibrium() -> None:
     assert [at.kind for at in branch.special] == ["EP", "EP"]
     assert branch[-1]["d"] == pytest.approx(-0.1, rel=1e-6)
     assert not branch.doubtful
+
+
+def test_folds_end_at_a_homoclinic_orbit_in_two_parameters() -> None:
+    """Where the saddle at the origin is all but neutral: there both ways around meet its loop."""
+
+    def damped(t, x, p):
+        return [x[1], x[0] - x[0] ** 2 + 0.3 * (p["a"] + p["b"] * x[0] + x[0] ** 3) * x[1]]
+
+    start, mesh = {"x": 1.0, "y": 0.0}, Collocation(10, 5)
+    rest = cb.equilibrium(damped, start, {"a": 0.0, "b": -0.9}, collocation=mesh)
+    (cycles,) = cb.switch(cb.trace(rest, "a", towards="down", within={"a": (-1, 1)}).first("HB"))
+    folds = cb.boundary(cycles.first("LP"), ("a", "b"), within={"a": (-1, 1)}, towards="up")
+    assert folds[-1].kind == "LP-HOM"
+
+    p = {name: folds[-1][name] for name in ("a", "b")}
+
+    def reach(way):  # of the way out, and backwards in time of the way in
+        slope = 0.15 * p["a"] + way * math.sqrt(1 + (0.15 * p["a"]) ** 2)
+        ahead, start = lambda t, x: way * np.array(damped(t, x, p)), [1e-8, 1e-8 * slope]
+        run = solve_ivp(ahead, (0, 30), start, events=lambda t, x: x[1], rtol=1e-10, atol=1e-14)
+        return run.y_events[0][0, 0]
+
+    assert reach(1) == pytest.approx(reach(-1), abs=1e-7)
 
 
 def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_end() -> None:
