@@ -44,6 +44,7 @@ def test_all_multipliers_of_area_preserving_maps_have_product_one_which_is_no_ev
     map_, x, y, window = AREA_PRESERVING[name]
     branch = trace(FixedPoint(map_, {"x": x, "y": y}, {"m": 0.4}), "m", within={"m": window})
     assert (kinds(branch), branch.doubtful) == ([], ())
+    assert not branch["unstable"].any()  # all of them are elliptic
 
 
 # --- the logistic cascade ---------------------------------------------------------------------

@@ -180,7 +180,7 @@ class MapCycle(HtmlRepr):
 
     @property
     def unstable(self) -> int:
-        return int((abs(self.multipliers) > 1).sum())
+        return int((abs(self.multipliers) > 1 + 1e-9).sum())  # closer than that is on the circle
 
     def table(self) -> Sheet:
         rows = [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), start=1)]
