@@ -780,3 +780,15 @@ def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: 
         assert np.allclose(line["a"], value(order, line["q"]), rtol=0, atol=1e-12)
         assert [at.kind for at in line.special] == ["EP", "EP"]
         assert not line.doubtful
+
+
+def test_a_pair_that_stays_on_the_circle_where_time_can_be_reversed_is_no_torus() -> None:
+    """Nose and Hoover's oscillator: (x, -y, -z) runs backwards, multipliers are 1, mu and 1/mu."""
+
+    def thermostat(t, x, p):
+        return [x[1], x[1] * x[2] - x[0], 1 - p["b"] * x[1] ** 2]
+
+    orbit = cb.cycle(thermostat, {"x": 0.0, "y": 1.55, "z": 0.0}, {"b": 1.0})
+    branch = cb.trace(orbit, "b", within={"b": (0.1, 5)})
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert not branch.doubtful

@@ -142,12 +142,14 @@ class CriticalValues:
 class Multipliers(CriticalValues):
     """Multipliers of an orbit but a trivial one; a pair is critical where its product is 1."""
 
+    relative: float = 0.0  # what may be left in each of them, in its size
+
     def factors(self) -> tuple[Values, Array | float]:
         # mu_i mu_j are the eigenvalues of the bialternate product of the matrix with itself; an
         # error e in each moves a product by e (|mu_i| + |mu_j|), beside what it rounds itself
         first, second = pairs(self.values)
-        rounding = 1e-12 * (1 + abs(first * second)) + self.rounding * (abs(first) + abs(second))
-        return first * second - 1, rounding
+        product, left = first * second, self.rounding * (abs(first) + abs(second))
+        return product - 1, (1e-12 + self.relative) * (1 + abs(product)) + left
 
     beside = _CIRCLE
 
