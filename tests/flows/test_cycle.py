@@ -782,13 +782,18 @@ def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: 
         assert not line.doubtful
 
 
-def test_a_pair_that_stays_on_the_circle_where_time_can_be_reversed_is_no_torus() -> None:
-    """Nose and Hoover's oscillator: (x, -y, -z) runs backwards, multipliers are 1, mu and 1/mu."""
+def test_a_pair_whose_product_stays_1_where_time_can_be_reversed_is_no_torus() -> None:
+    """Nose and Hoover's oscillator: (-x, y, -z) runs backwards, multipliers are 1, mu and 1/mu, on
+    the circle or, between both branch points and on the arms, real."""
 
     def thermostat(t, x, p):
-        return [x[1], x[1] * x[2] - x[0], 1 - p["b"] * x[1] ** 2]
+        return [x[1], -x[0] - x[1] * x[2], p["a"] * (x[1] ** 2 - 1)]
 
-    orbit = cb.cycle(thermostat, {"x": 0.0, "y": 1.55, "z": 0.0}, {"b": 1.0})
-    branch = cb.trace(orbit, "b", within={"b": (0.1, 5)})
-    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    window = {"a": (0.1, 5)}
+    orbit = cb.cycle(thermostat, {"x": 0.0, "y": 1.55, "z": 0.0}, {"a": 1.0})
+    branch = cb.trace(orbit, "a", within=window)
+    assert [at.kind for at in branch.special] == ["EP", "BP", "BP", "EP"]
+    arm, _ = cb.switch(branch.first("BP"), within=window, steps=cb.Steps(most=25))
+    assert (arm["unstable"][1:] == 1).all()
     assert not branch.doubtful
+    assert not arm.doubtful

@@ -19,7 +19,7 @@ import numpy as np
 
 from ..algebra.newton import OUT_OF_DOMAIN, Undefined, newton
 from ..curve.curve import Curve
-from ..curve.point import Detail, Examined, Level, Point
+from ..curve.point import NOTHING, Detail, Examined, Level, Point
 from ..systems.branch_points import GAP, Crossings, crossing
 from ..systems.defining_systems import extended
 from .step_interpolant import ASIDE, LOW, StepInterpolant, StepSamples, count_at, more_than_one
@@ -38,9 +38,12 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
     point = replace(point, kind=event.kind, event=event, bracket=around)
     if event.turns and not samples.segment.moves(point):
         return replace(point, kind="")  # nothing happens there
-    verdict: Examined = reason or point.detail.get("reason", "")
-    if not verdict and event.examine is not None:
+    doubt = point.detail.get("reason", "")
+    verdict: Examined = reason or doubt
+    if event.examine is not None and not reason:
         verdict = event.examine(point)
+        if doubt and verdict is not NOTHING:
+            verdict = doubt
     if isinstance(verdict, str) and verdict:
         return replace(point, located=False, detail={**point.detail, "reason": verdict})
     level = {"level": str(event.test)} if isinstance(event.test, Level) else {}
