@@ -247,7 +247,7 @@ CASES += [
     (lambda: problem().solve(tolerance="x"), "^tolerance = 'x': a relative size"),
     (
         lambda: cb.trace(cb.FixedPoint(lambda x, p: None, {"x": 0.5}, {"r": 2.0}), "r"),
-        r"the map makes array\(None, .* of array\(\[0\.5\]\); 1 numbers were expected",
+        r"the map makes array\(\[None\], .* of array\(\[0\.5\]\); 1 numbers were expected",
     ),
     (lambda: find_symmetric("b", (0, 1), **HERE), "^the parameter must be 'a', 'gamma', 'k', "),
     (lambda: find_symmetric("a", (0, 1), k=0.8), "^a breather needs gamma, too"),

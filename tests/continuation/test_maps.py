@@ -152,6 +152,12 @@ def test_multipliers_with_product_one_that_are_real_are_no_neimark_sacker_point(
     assert (kinds(branch), branch.doubtful) == ([], ())
 
 
+def test_a_map_of_one_unknown_may_return_a_number() -> None:
+    number = FixedPoint(lambda u, p: p["r"] * u[0] * (1 - u[0]), {"x": 0.6}, {"r": 2.5})
+    branch = trace(number, "r", within={"r": (2.5, 3.6)})
+    assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-12)
+
+
 def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:
     wrong = logistic(0.16, 3.84, period=3, jacobian=lambda x, p: logistic_slope(x, p) + 0.1)
     with pytest.raises(BadInput, match="Jacobian that was given does not fit"):

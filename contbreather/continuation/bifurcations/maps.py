@@ -131,7 +131,7 @@ class Iterate:
 
     def image(self, x: Array, params: Params) -> Array:
         """One iterate; a map may write to what it is given, and return one array each time."""
-        image = np.array(self.map(x.copy(), params))
+        image = np.array(self.map(x.copy(), params), ndmin=1)
         if image.shape != x.shape or not np.issubdtype(image.dtype, np.number):
             raise BadInput(f"the map makes {image!r} of {x!r}; {x.size} numbers were expected")
         return image
