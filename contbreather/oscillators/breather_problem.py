@@ -63,7 +63,7 @@ from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
 from ..storage.serialise import serialised
 from .anticontinuum import forcing_period, refuse_other_period, resonance
-from .oscillator_lattice import Oscillators, between_walls
+from .oscillator_lattice import SHARE, Oscillators, between_walls
 
 COLUMNS = {"energy": "energy", "max|u|": "farthest"}
 COLUMNS |= {name: name for name in ("largest", "action", "omega", "participation")}
@@ -481,8 +481,12 @@ def _doubled_half(point: Point) -> SwitchingProblem:
 
 def _whole(point: Point) -> SwitchingProblem:
     """Make the whole orbit one of a family that need not be time-reversible."""
-    problem = point.curve.problem
-    equations = whole_orbit(problem.residual, point.solution.flights, point.params)
+    problem, orbit, p = point.curve.problem, point.solution, point.params
+    u = orbit.flights[0].states[:, : orbit.chain.sites].T
+    forces = orbit.chain.gradient(u, p)
+    if abs(forces - orbit.chain.gradient(u, {**p, SHARE: 0.0})).max() < NEAR * abs(forces).max():
+        raise Undefined("without coupling each site has a phase of its own, and no curve sets out")
+    equations = whole_orbit(problem.residual, orbit.flights, p)
     events = events_of_cycle(equations)
     family = BreatherProblem.of(equations, point.params, events, problem.label)
     return at_crossing(family, point, both=True)

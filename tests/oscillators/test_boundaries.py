@@ -90,6 +90,17 @@ def test_orbits_that_are_not_time_reversible_branch_off_at_pf() -> None:
     assert abs(ends[0].displacement(0, 1.0) - ends[1].displacement(0, 1.0)) > 1e-3
 
 
+def test_phases_that_are_free_without_coupling_are_no_branch() -> None:
+    """Both sites may be at any phase there, at one value of the coupling."""
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.OpenChain(3))
+    pair = cb.breather(chain, {0: 1, 1: 1}, omega=1.5, params={"c": 0.02})
+    tree = cb.diagram(pair, "c", within={"c": (-0.02, 0.05)})
+    assert [point.kind for point in tree.special] == ["EP", "PF", "EP"]
+    (failure,) = tree.failed
+    assert abs(failure.place.point["c"]) < 1e-9
+    assert "each site has a phase of its own" in failure.reason
+
+
 CASES = {
     "PF": (morse, "omega", (0.75, 0.9), "c", (0.01, 0.03), MORSE, 3),
     "PD": (
