@@ -77,12 +77,13 @@ class SingleOscillator:
     def half_periods(self, a: Array, sign: float) -> Array:
         """Integrate from amplitudes on one side to the turning points on the other side of rest:
         with ``u = m + h cos s`` what is smooth, ``ds / sqrt(2 (V(a) - V(u)) / (h sin s)^2)``. NaN
-        where there are none or forces do not lead back."""
-        inward, grid = sign * self.pull(sign * a) > 0, -sign * np.geomspace(1e-4, 1e3, 4000)
-        level = np.where(np.minimum.accumulate(inward), self(sign * a), np.nan)
-        back = np.append(-sign * self.pull(grid) > 0, False)
-        grid = np.append(0.0, grid[: int(back.argmin())])
-        b = np.interp(level, self(grid), grid, right=np.nan)
+        where there are none: forces lead back, and what is in between, as a barrier, is lower."""
+        grid, level = np.append(0.0, -sign * np.geomspace(1e-4, 1e3, 4000)), self(sign * a)
+        inward = sign * self.pull(sign * a) > 0
+        level = np.where(inward & (level >= np.maximum.accumulate(level)), level, np.nan)
+        highest = np.maximum.accumulate(self(grid))
+        highest = highest[~np.isnan(highest)]  # nothing is known beyond where it has no value
+        b = np.interp(level, highest, grid[: highest.size], right=np.nan)
         for _ in range(4):  # Newton's steps, from a third of a percent off
             b = b - (self(b) - level) / self.pull(b)
         middle, half = 0.5 * (sign * a + b), 0.5 * abs(sign * a - b)
@@ -103,12 +104,12 @@ class SingleOscillator:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
         others that which is nearest."""
         sign = math.copysign(1.0, code)
-        if found := self.amplitudes(omega, sign):
-            wanted = 0.0 if abs(code) == 1.0 else abs(code)
-            return sign * min(found, key=lambda a: abs(a - wanted))
         known = math.pi / self.half_periods(_AMPLITUDES, sign)
         if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
+        if found := self.amplitudes(omega, sign):
+            wanted = 0.0 if abs(code) == 1.0 else abs(code)
+            return sign * min(found, key=lambda a: abs(a - wanted))
         raise NoSolution(
             f"site {self.site}: alone, up to |u| = {_AMPLITUDES[-1]:g}, it oscillates at "
             f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"

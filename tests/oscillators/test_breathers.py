@@ -167,6 +167,22 @@ def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
         assert not branch["unstable"].any()
 
 
+@pytest.mark.parametrize(
+    ("omega", "code", "over"), [(0.8, 1, False), (0.8, 2.5, True), (1.3, 1, True), (1.3, -1, True)]
+)
+def test_oscillations_over_a_barrier_are_among_those_of_a_frequency(omega, code, over) -> None:
+    """That between the wells at 0 and 2, at 1, which one alone never comes to."""
+    V = "(u**2 - 2*u)**2/8"
+    chain = cb.Oscillators(V=V, W="c*r**2/2", lattice=cb.OpenChain(1))
+    (u,), _ = cb.breather(chain, {0: code}, omega=omega, params={"c": 0.0}).solution.state()
+    right = lambda t, y: [y[1], -(y[0] ** 2 - 2 * y[0]) * (y[0] - 1) / 2]  # noqa: E731
+    run = solve_ivp(right, (0, np.pi / omega), [u, 0.0], "DOP853", rtol=1e-12, atol=1e-13)
+    low, high = sorted((u, run.y[0, -1]))
+    assert run.y[1, -1] == pytest.approx(0.0, abs=1e-9)
+    assert (low < 0 and high > 2) if over else (low < 0 and high < 1)
+    assert (u == high) if code > 0 else (u == low)
+
+
 def test_potentials_may_be_functions() -> None:
     """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
     V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
