@@ -442,8 +442,11 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
 def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     """List the events of a cycle of these flows, and of those that follow where it meets walls."""
     flows, (lp, pd, ns) = equations.flows, (_CIRCLE.events[kind] for kind in ("LP", "PD", "NS"))
-    if max(flight.dimension for flight in equations.start) - equations.autonomous < 4:
+    free = max(flight.dimension for flight in equations.start) - equations.autonomous
+    if free < 4:
         ns = replace(ns, count=None)  # without two pairs none leave the circle together
+    if free < 3:
+        pd = replace(pd, count=None)  # nor two that are real, where volumes shrink
     of_pairs = conservative_events(BRANCH_POINT) if equations.conservation else ()
     events = [*(of_pairs or (lp, BRANCH_POINT, pd, ns))]
     if equations.autonomous:  # beyond its conditions an orbit that meets them may shrink, too

@@ -53,6 +53,22 @@ def test_its_frequency_response_folds(driven) -> None:
     assert branch["max|u|"].max() > driven.solution.farthest
 
 
+def test_doublings_of_sites_that_are_almost_alike_are_all_found() -> None:
+    """Without coupling those of bistable sites, within one step, are those of each alone."""
+
+    def doublings(shares):
+        lattice = cb.OpenChain(len(shares))
+        how = {"lattice": lattice, "damping": 0.1, "drive": "a*cos(omega*t)", "onsite": shares}
+        chain = cb.Oscillators("(u**2 - 2*u)**2/8", "0*r", **how)
+        start = cb.breather(chain, {0: "low"}, omega=1.2, params={"a": 0.1})
+        branch = cb.trace(start, "a", within={"a": (0.05, 0.5)}, towards="up")
+        return [point["a"] for point in branch.special if point.kind == "PD"]
+
+    shares = [1.04, 1.02, 1.0]
+    alone = [doublings([share])[0] for share in shares]
+    assert doublings(shares) == pytest.approx(alone, abs=1e-8)
+
+
 def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
     how = {"V": "u**2/2", "W": "c*r**2/2", "lattice": cb.Ring(3), "drive": "a*cos(omega*t)"}
     linear = cb.Oscillators(**how, damping=0.2)

@@ -40,6 +40,10 @@ def multipliers_at(point: Point) -> Multipliers:
     return base.curve.cached("multipliers", base.z, lambda _: Multipliers(*ask(base)))
 
 
+def _flipped(point: Point) -> int:
+    return multipliers_at(point).beyond_minus_one
+
+
 def _pair_followed(point: Point) -> complex:
     return cmath.exp(1j * abs(math.remainder(point["angle"], 2 * math.pi)))
 
@@ -54,7 +58,7 @@ def linked(fold: Event, flips: Callable[[Point], float] | None = None) -> Border
         fold, locus=partial(meeting, fold, partial(circle.meetings, "LP"))
     )
     circle.events["PD"] = Event(
-        "PD", flips or partial(circle.least_beside, "", -1.0),
+        "PD", flips or partial(circle.least_beside, "", -1.0), count=None if flips else _flipped,
         locus=partial(_flip_locus, circle), examine=_examine_flip,
     )  # fmt: skip
     circle.events["NS"] = Event(

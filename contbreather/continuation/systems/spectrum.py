@@ -160,6 +160,11 @@ class Multipliers(CriticalValues):
         return complex(pairs_beyond(known, lambda first, second: (first * second).real > 1 + 2e-9))
 
     @property
+    def beyond_minus_one(self) -> int:
+        """Count those outside the circle on that side, also pairs that two have become there."""
+        return int(np.count_nonzero((abs(self.values) > 1 + 1e-9) & (self.values.real < 0)))
+
+    @property
     def critical(self) -> Values:
         return self.values[abs(abs(self.values) - 1) < _CIRCLE]
 
