@@ -218,7 +218,8 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
         return np.ravel(np.where(abs(x[0]) < _ESCAPED * size, field(t, x, p), 0.0))
 
     loss = chain.lattice.dampings[one.site] / one.mass * float(chain.damping(0.0, p))
-    time = period * math.ceil(min(_MOST, 12.0 / loss / period))
+    settles = loss * period * _MOST > 12.0  # others, as without damping of their own, never do
+    time = period * (math.ceil(12.0 / loss / period) if settles else _MOST)
     how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
     ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
     starts: list[Array] = []

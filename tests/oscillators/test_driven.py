@@ -45,6 +45,15 @@ def test_losses_are_the_product_of_all_multipliers(driven) -> None:
     assert np.prod(orbit.multipliers).real == pytest.approx(np.exp(-4 * 0.1 * orbit.period))
 
 
+def test_a_site_may_be_damped_by_its_neighbours_alone() -> None:
+    """Liouville: as much as the two others lose. A warning of NumPy's would be an error here."""
+    lattice = cb.Lattice(cb.OpenChain(3).stiffness, dampings=[1, 0, 1])
+    how = {"lattice": lattice, "damping": "d", "drive": "a*cos(omega*t)"}
+    chain = cb.Oscillators("u**2/2 + b*u**4/4", "c*r**2/2", **how)
+    orbit = cb.breather(chain, {0: "high"}, omega=1.3, params={**DUFFING, "c": 0.05}).solution
+    assert np.prod(orbit.multipliers).real == pytest.approx(np.exp(-2 * 0.1 * orbit.period))
+
+
 def test_its_frequency_response_folds(driven) -> None:
     branch = cb.trace(
         driven, "omega", within={"omega": (1.25, 1.45)}, towards="up", events=[cb.fold()]
