@@ -149,6 +149,16 @@ class Cycle(HtmlRepr):
         return self._spectrum[0]
 
     @property
+    def velocities(self) -> list[Array]:
+        """The field where the intervals of each flight begin."""
+        return self.equations.velocities(self.x, self.params)
+
+    @property
+    def mirror(self) -> Any:
+        """The reset that leads from half of a symmetric orbit to its other half; None of others."""
+        return self.equations.flows[0].reset if self.equations.smooth else None
+
+    @property
     def off_one(self) -> float:
         """Distance from 1 of the nearest multiplier but the trivial one."""
         return float(abs(self.others - 1).min(initial=math.inf))

@@ -179,9 +179,7 @@ class _Rest:
     def images(self) -> Iterator[_Rest]:
         """This one, and of half a symmetric orbit its mirror image."""
         yield self
-        equations = self.at.orbit.equations
-        mirror = equations.flows[self.at.flow].reset
-        if equations.smooth and mirror is not None:
+        if (mirror := self.at.orbit.mirror) is not None:
             image = values(mirror, 0.0, self.state[:, None], self.at.orbit.params)[:, 0]
             yield replace(self, state=image + 0.0)
 
@@ -202,8 +200,7 @@ class _Rest:
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
     sizes = sizes_of(orbit.flights, orbit.equations.units)
-    velocities = orbit.equations.velocities(orbit.x, orbit.params)
-    moved = zip(velocities, sizes, strict=True)
+    moved = zip(orbit.velocities, sizes, strict=True)
     speeds = np.concatenate([np.vecdot(v := way / size, v) for way, size in moved])
     pace = speeds * (orbit.period / math.pi) ** 2
     places = [(i, state, sizes[i]) for i, f in enumerate(orbit.flights) for state in f.states]
@@ -262,8 +259,10 @@ def _moves(point: Point) -> float:
         tangent = curve.tangent_at(z := curve.start, np.eye(1, z.size, lengths[0])[0])[0]
     if tangent is None:
         return math.nan  # changes neither the least nor the largest of what else is known
+    if not (names := {*curve.free} - {"period", *equations.givens[:1]}):
+        return math.nan  # a time comes to no limit
     moved = 0.0
-    for name in {*curve.free} - {"period"}:
+    for name in names:
         known = point[name], curve.start[curve.slots[name]], curve.problem.scales.get(name, 0.0)
         moved = max(moved, abs(tangent[curve.slots[name]]) / (np.abs(known).max() or 1.0))
     longer = float(abs(tangent[lengths].sum())) / base.solution.period
@@ -322,9 +321,10 @@ def _named(orbit: Cycle, state: Array) -> str:
 
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
-    lengths = equations_of(point.base_point).layout.lengths
-    longer = Lasting(lengths, np.ones(lengths.size), point.base_point.solution.period)
-    nothing = dict.fromkeys(("LP", "BP", "PD", "NS"), ())  # multipliers are 0 or without bound
+    lengths = equations_of(base := point.base_point).layout.lengths
+    longer = Lasting(lengths, np.ones(lengths.size), float(base.z[lengths].sum()))
+    # multipliers are 0 or without bound
+    nothing = dict.fromkeys(("LP", "BP", "PF", "PD", "NS", "KC"), ())
     return longer.system(events=(_MOVES,), meets=nothing)
 
 

@@ -56,6 +56,7 @@ from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing, to
 from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
+from ..flows.homoclinic import HOMOCLINIC
 from ..flows.sparse_equations import FEW, SparseFlowEquations, sparse_where_large
 from ..lattice.chain import Ring
 from ..lattice.finite import whole_sites
@@ -280,6 +281,8 @@ class Breather(Cycle):
 class ReversibleBreather(Breather):
     """A time-reversible one: its equations are those of half of it."""
 
+    mirror = None  # the other half is the way back
+
     @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         """The half, and the way back."""
@@ -291,6 +294,10 @@ class ReversibleBreather(Breather):
         slopes = np.concatenate([half.slopes, -reversor * half.slopes[::-1, ::-1]])
         twice = 2 * half.duration
         return (replace(half, duration=twice, knots=knots, states=states, slopes=slopes),)
+
+    @property
+    def velocities(self) -> list[Array]:
+        return [self.chain(0.0, f.states.T, self.params).T for f in self.flights]
 
     @cached_property
     @one_thread
@@ -405,7 +412,7 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     pf = replace(event_at(1.0, "PF", turned, said), examine=partial(_examine_reversal, said))
     flips = [replace(pd, test=t, locus=partial(followed, t), examine=_examine_flip) for t in ends]
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
-    return lp, turn, branch_point, pf, *flips, kc, born
+    return lp, turn, branch_point, pf, *flips, kc, born, HOMOCLINIC
 
 
 @dataclass(frozen=True, eq=False, repr=False)

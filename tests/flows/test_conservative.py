@@ -36,6 +36,16 @@ def duffing_period(size, b=1.0):
     return 4 * ellipk(b * size**2 / (2 * square)) / np.sqrt(square)
 
 
+def test_a_family_in_the_period_ends_where_it_is_homoclinic_as_one_in_the_energy() -> None:
+    """The pendulum upside down has twice its largest potential energy."""
+    field, energy = lambda t, x, p: [x[1], -np.sin(x[0])], lambda x, p: x[1] ** 2 / 2 - np.cos(x[0])
+    pendulum = cb.cycle(field, {"u": 1.0, "v": 0.0}, {}, conserves=energy)
+    for free, window in (("period", (6.3, 300.0)), ("energy", (-0.9, 2.0))):
+        end = cb.trace(pendulum, free, within={free: window}).first("HOM")
+        assert end["energy"] == pytest.approx(1.0, abs=1e-4)
+        assert "heteroclinic cycle" in end.detail["said"]
+
+
 def backbone(**how):
     how = {"conserves": of_duffing} | how
     return cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0}, **how)

@@ -262,6 +262,21 @@ def test_a_family_that_shrinks_to_rest_ends_at_the_mode_that_it_is_born_from(fre
     assert end["omega"] == pytest.approx(np.sqrt(1.3), abs=1e-5)
 
 
+@pytest.mark.parametrize("free", ["energy", "omega"])
+@pytest.mark.parametrize(
+    ("V", "energy", "rests"),
+    [("1 - cos(u)", 2.0, "u0 = -3.14159"), ("(u**2 - 2*u)**2/8", 0.125, "the saddle u0 = 1,")],
+)
+def test_a_family_that_comes_to_a_separatrix_ends_there_with_hom(V, energy, rests, free) -> None:
+    chain = cb.Oscillators(V=V, W="c*r**2/2", lattice=cb.OpenChain(1))
+    alone = cb.breather(chain, {0: 1}, omega=0.8, params={"c": 0.0})
+    window = {"energy": (0.01, 3.0), "omega": (0.01, 0.9)}
+    branch = cb.trace(alone, free, within={free: window[free]})
+    end = branch.first("HOM")
+    assert end["energy"] == pytest.approx(energy, abs=1e-4)
+    assert rests in end.detail["said"]
+
+
 def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> None:
     """Next to the band what holds it at its site is less than rounding; and the end of its branch
     names the harmonic and the band."""
