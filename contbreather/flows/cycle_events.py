@@ -289,7 +289,8 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             if isinstance(wall, Clock):
                 continue
             ends = name == "until"
-            ignored = flow.ignored(orbit.params) / flight.duration if ends else 0.0
+            waits = flow.ignored(orbit.params) if ends else 0.0
+            ignored = waits / flight.duration if waits else 0.0  # at SL a flow lasts no time
             s, states = sampled[0], sampled[1]
             if ignored:
                 s = np.append(ignored, s[s > ignored])
@@ -308,9 +309,11 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
                 left = before.reset is None or _has_left(orbit, i, v, size, t, states)
                 begins = flow.until is None or not left
             # where no place is low this one is far from it, but in sliding that vanishes
-            vanishes = ends and slid_along(flow)
-            places = [] if vanishes else [s[v.argmax()]]
-            none = vanishes and flight.duration < short
+            vanishes, leaves = ends and slid_along(flow), ends and slid_along(before)
+            # of one that hardly lasts all places are low
+            least = 2 * LEAVES * orbit.period if leaves else short if vanishes else 0.0
+            none = flight.duration < least
+            places = [] if vanishes or none else [s[v.argmax()]]
             for j in [] if none else _lows(v, s, size, begins, ends):
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])

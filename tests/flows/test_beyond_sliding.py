@@ -306,3 +306,48 @@ def test_a_curve_closes_where_phase_and_angle_have_made_a_turn() -> None:
     assert loop.stop is cb.continuation.Stop.CLOSED
     assert abs(loop[-1]["phase"] - loop[0]["phase"]) == pytest.approx(TAU, rel=1e-9)
     assert [at.kind for at in loop.special] == ["LP", "LP"]
+
+
+def capsule(side: int) -> Any:
+    """A mass, driven inside of a capsule that rubs, strikes a soft stop there (Liu et al.)."""
+
+    def field(t: Any, x: Any, p: Any) -> Any:
+        y, mass, capsule = x
+        force = y + 0.1 * (mass - capsule) + 1.5 * np.logaddexp(0.0, 10 * y - 0.2)
+        drive = p["a"] * np.cos(0.9 * t)
+        return [mass - capsule, drive - force, (force - side * p["mu"]) / 5]
+
+    return field
+
+
+CAPSULE = cb.Filippov(capsule(1), capsule(-1), lambda t, x, p: x[2])
+
+
+@pytest.fixture(scope="module")
+def moving() -> cb.Branch:
+    start, turn = {"y": 0.0, "mass": 0.0, "capsule": 0.01}, TAU / 0.9
+    orbit = cb.cycle(CAPSULE, start, {"a": 1.0, "mu": 1.0}, period=turn, settle=100)
+    return cb.trace(orbit, "a", within={"a": (0.7, 1.5)}, events=(), towards="both")
+
+
+def test_where_the_surface_is_left_for_as_long_as_counts_as_none_is_followed(moving: Any) -> None:
+    lost = moving.special[0]
+    line = cb.boundary(lost, ("a", "mu"), within={"mu": (0.9, 1.1)}, towards="both")
+    assert (line[0]["mu"], line[-1]["mu"]) == (0.9, 1.1)
+    assert not line.doubtful
+    for at in line[::5]:
+        orbit, a = at.solution, at["a"]
+        begins = orbit.flights[lost.detail["flow"] - 1]  # at rest the spring comes to pull with mu
+        force = lambda y, v: y + 0.1 * v + 1.5 * np.logaddexp(0.0, 10 * y - 0.2)  # noqa: E731
+        rests = solve_ivp(
+            lambda t, x, a=a, force=force: [x[1], a * np.cos(0.9 * t) - force(*x)],
+            (begins.start, begins.last + 0.1), begins.states[0, :2], "DOP853",
+            rtol=1e-11, atol=1e-12, max_step=1e-3,
+        )  # fmt: skip
+        assert force(*rests.y).min() == pytest.approx(-at["mu"], abs=1e-5)
+
+
+def test_the_curve_of_sliding_sets_out_where_that_lasts_no_time_at_all(moving: Any) -> None:
+    slides = moving.special[-1]
+    line = cb.boundary(slides, ("a", "mu"), within={"mu": (0.9, 1.1)}, towards="both")
+    assert (line[0]["mu"], line[-1]["mu"]) == (0.9, 1.1)
