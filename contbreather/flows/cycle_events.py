@@ -118,7 +118,7 @@ _LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 def _without_unit(point: Point) -> str:
     """Say where no multiplier but the trivial one is 1."""
     off = point.base_point.solution.off_one
-    return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
+    return f"no multiplier is 1: the nearest is {off:.2g} off" if off >= ONE else ""
 
 
 def _examine_crossing(point: Point) -> Examined:

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import contbreather as cb
 
-from .zoo import CASES, CURVES, EQUILIBRIA, Case, Curve
+from .zoo import CASES, CURVES, EQUILIBRIA, Case, Curve, Impacting
 
 ENDS = {"EP", "MX"}
 RESTS = [case for case in CASES.values() if any(kind == "HB" for kind, _ in case.special)]
@@ -73,6 +74,22 @@ def test_curves_in_two_parameters_are_those_in_closed_form(curve: Curve) -> None
     for at in line:
         found, known = curve.known(at)
         assert found == pytest.approx(known, abs=1e-8)
+
+
+def test_a_curve_of_vanishing_impacts_meets_folds_where_these_begin() -> None:
+    """Where the fold of an impact oscillator, in closed form, has no velocity left."""
+    line = cb.boundary(
+        CASES["impact oscillator, fold"].branch.first("VI"), ("F", "w"), within={"w": (0.6, 2.8)},
+        towards="both",
+    )  # fmt: skip
+    upright = lambda w: float(Impacting(w).response[1][0])  # noqa: E731
+    known = [brentq(upright, *of) for of in ((0.6, 0.7), (0.99, 1.02), (1.9, 2.1))]
+    assert [at.kind for at in line.special] == ["EP", *["VI-LP"] * 3, "EP"]
+    assert [at["w"] for at in line.special[1:-1]] == pytest.approx(known, abs=1e-9)
+    assert not line.doubtful
+    folds = cb.boundary(line.special[3], ("F", "w"), within={"w": (1.6, 2.8)}, towards="both")
+    assert {folds[0].kind, folds[-1].kind} == {"EP", "LP-VI"}
+    assert folds["F"] == pytest.approx([Impacting(w).fold for w in folds["w"]], abs=1e-9)
 
 
 @pytest.mark.parametrize("kind", ["VI", "GR"])
