@@ -23,7 +23,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, branch_point_test, crossing_event
-from ..continuation.systems.defining_systems import Singular
+from ..continuation.systems.defining_systems import Singular, least_in_unknowns
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import LEAVES, SHORTEST
@@ -117,8 +117,12 @@ _LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
 
 def _without_unit(point: Point) -> str:
     """Say where no multiplier but the trivial one is 1."""
-    off = point.base_point.solution.off_one
-    return f"no multiplier is 1: the nearest is {off:.2g} off" if off >= ONE else ""
+    base = point.base_point
+    off = base.solution.off_one
+    if math.isnan(off):  # at VI: of a fold the state at each start moves, unless a reset forgets it
+        null, starts = least_in_unknowns(base.curve, base.z).right, equations_of(base).layout.nodes
+        off = math.nan if min(abs(null[of[0]]).max() for of in starts) < 1e-6 else 0.0
+    return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 
 def _examine_crossing(point: Point) -> Examined:

@@ -56,8 +56,8 @@ class Cycle(HtmlRepr):
     multipliers : ndarray
         Of small perturbations over the period, the largest first, of many states (more than 250,
         given with a sparse `jacobian`) the leading ones; the trivial one of an autonomous orbit is
-        among them. One is infinite where an impact loses its velocity (VI),
-        where all others are NaN.
+        among them. One is infinite where an impact loses its velocity (VI), where all others are
+        NaN; all are where none is infinite, as where the reset forgets all.
     trivial : float
         That one, 1 but for what the mesh does not resolve; NaN for forced orbits. Where something
         is conserved there are several, and this is the one that is farthest off 1.

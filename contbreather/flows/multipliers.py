@@ -8,6 +8,7 @@ is made triangular, factor by factor, by orthogonal iteration around the cycle.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from functools import reduce
 
@@ -192,7 +193,8 @@ def of_cycle(
     """Compute those that are not trivial, and the trivial ones: of autonomous cycles one, and one
     more or a pair for each quantity that is conserved.
 
-    At VI one is infinite, and what the others are is lost in the rounding of it: NaN.
+    At VI one is infinite, and what the others are is lost in the rounding of it: NaN. None is where
+    what is late there is not so a turn later, as a reset forgets it, or the flow ends at a sink.
     """
     if isinstance(equations, SparseFlowEquations) and not equations.condensed:
         return equations.leading(x, p)
@@ -200,7 +202,9 @@ def of_cycle(
     none = np.empty(0)
     if not equations.smooth and any(np.isnan(stack).any() for stack in factors):
         lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
-        lost[:1] = np.inf
+        largest = multipliers(around(equations, x, p, at_least=True)[0])[0]
+        if abs(largest) > np.finfo(float).eps ** -0.25:  # between 1 and 1/rate
+            lost[:1] = np.inf
         return lost, none
     if not equations.autonomous:
         return multipliers(factors), none
@@ -212,8 +216,11 @@ def of_cycle(
     return multipliers(rest), np.array([trivial])
 
 
-def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], list[Array]]:
-    """Map small perturbations over each interval, in stacks, and list the velocities there."""
+def around(
+    equations: FlowEquations, x: Array, p: Params, at_least: bool = False
+) -> tuple[list[Array], list[Array]]:
+    """Map small perturbations over each interval, in stacks, and list the velocities there; at VI
+    as if the condition fell as fast as can be told from rest."""
     place = equations.linearised(x, p)
     # the velocities where they begin, in stacks of those of one shape as the factors
     ways = equations.velocities(x, p)
@@ -222,7 +229,7 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
     for i, (flow, way) in enumerate(zip(equations.flows, ways, strict=True)):
         stacks = [ends := equations.transition(i, place)]
         if flow.reset or flow.until:
-            last = _saltation(equations, place, i, ways) @ ends[-1:]
+            last = _saltation(equations, place, i, ways, at_least) @ ends[-1:]
             alike = last.shape[1] == last.shape[2]
             stacks = [np.concatenate([ends[:-1], last])] if alike else [ends[:-1], last]
         factors += stacks
@@ -231,10 +238,10 @@ def around(equations: FlowEquations, x: Array, p: Params) -> tuple[list[Array], 
 
 
 def _saltation(
-    equations: FlowEquations, place: SolvedPlace, i: int, ways: Sequence[Array]
+    equations: FlowEquations, place: SolvedPlace, i: int, ways: Sequence[Array], at_least: bool
 ) -> Array:
     """Map small perturbations across the end of a flow: by the reset, and by how much longer the
-    one flow lasts and the next one shorter; NaN at VI."""
+    one flow lasts and the next one shorter; NaN at VI, or as with the least rate."""
     piece, n = place.linear[i], place.flights[i].dimension
     whole = np.eye(n, n + 1) if piece.reset is None else piece.reset
     reset = whole[:, :n]
@@ -248,8 +255,9 @@ def _saltation(
     fastest = abs(ways[i]).max(axis=0)
     # S has entries of 1/rate, in units of the fastest change, and a determinant that has none: the
     # rounding of the square of these
-    if abs(rate) <= np.finfo(float).eps ** 0.5 * (abs(gate) @ fastest + abs(waits)):
-        return np.full_like(reset, np.nan)
+    least = np.finfo(float).eps ** 0.5 * (abs(gate) @ fastest + abs(waits))
+    if abs(rate) <= least:
+        rate = least if at_least else math.nan
     return np.asarray(reset + np.outer(jump, gate) / rate)
 
 

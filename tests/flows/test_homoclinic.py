@@ -201,6 +201,8 @@ def test_the_end_says_at_what_a_cycle_comes_to_rest(flows, start, params, how, e
     assert branch[-1][free] == pytest.approx(end, abs=2e-5)
     assert re.search(words, branch.reason)
     assert not branch.doubtful
+    if "ends at the equilibrium" in words:
+        assert not branch["unstable"].any()  # at a sink, up to the end
 
 
 def test_lorenz_s_homoclinic_orbit_is_where_it_is_known_to_be(butterfly) -> None:

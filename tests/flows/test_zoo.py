@@ -92,6 +92,21 @@ def test_a_curve_of_vanishing_impacts_meets_folds_where_these_begin() -> None:
     assert folds["F"] == pytest.approx([Impacting(w).fold for w in folds["w"]], abs=1e-9)
 
 
+def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_is_only_reached():
+    """A neuron that is set back to one state: its multipliers are 0, and it has no folds."""
+    fires = cb.Flow(
+        lambda t, x, p: [p["I"] - 0.1 * x[0] - x[1], x[0] - 0.1 * x[1], (x[0] - x[2]) / 3],
+        until=lambda t, x, p: 1 - x[0] + 0.2 * x[2], reset=lambda t, x, p: [-0.5, p["b"], 0.1],
+    )  # fmt: skip
+    start = {"v": -0.5, "w": 0.0, "z": 0.1}
+    neuron = cb.cycle(fires, start, {"I": 2.0, "b": 0.0})
+    branch = cb.trace(neuron, "I", within={"I": (0.5, 3)}, towards="down")
+    assert [at.kind for at in branch.special] == ["EP", "VI"]
+    assert not branch["unstable"].any()
+    line = cb.boundary(branch[-1], ("I", "b"), within={"b": (-0.5, 0.5)}, towards="both")
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+
+
 @pytest.mark.parametrize("kind", ["VI", "GR"])
 def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
     """Their derivatives come from those of the flights: none of a flight for each unknown."""
