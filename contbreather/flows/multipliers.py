@@ -159,17 +159,19 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """By the triangular factors R of ``A_j Q_j = Q_{j+1} R_j``: their product is similar to that of
     the A once Q has come around to itself, but for blocks of multipliers of about one size."""
     n = len(factors[0])
-    basis, sizes, blocks = np.eye(n), np.zeros(n), [slice(0, n)]
+    basis, sizes, blocks, cuts = np.eye(n), np.zeros(n), [slice(0, n)], [0]
     for _ in range(40):  # directions so far apart settle in six
-        before, rounds = basis, []
+        before, rounds, earlier = basis, [], cuts
         for factor in factors:
             basis, triangle = np.linalg.qr(factor @ basis)
             rounds.append(triangle)
         sizes = sum(np.log(np.maximum(abs(np.diag(r)), 1e-300)) for r in rounds)
         turned = before.T @ basis
-        cuts = [i for i in range(1, n) if sizes[i] - sizes[i - 1] < np.log(1e-3)]  # told apart
+        # told apart; the small ones come first where a subspace of them stays as it is
+        cuts = [i for i in range(1, n) if abs(sizes[i] - sizes[i - 1]) > np.log(1e3)]
         blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
-        if all(abs(turned[b:, :b]).max() < 1e-13 for b in cuts):
+        # where the order changes, as along a state that all but dies out, all look alike once
+        if cuts == earlier and all(abs(turned[b:, :b]).max() < 1e-13 for b in cuts):
             break
     mu = []
     for block in blocks:

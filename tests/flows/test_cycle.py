@@ -85,6 +85,22 @@ def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
     assert abs(orbit.others[1]) < 1e-12
 
 
+def test_what_dies_out_leaves_the_multiplier_of_what_does_not_its_digits() -> None:
+    """Pulses of vaccination where nobody is infected: a case would grow by up to 1e20 a year, and
+    susceptibles come back to their number by (1 - v) exp(-m)."""
+    infected = cb.Flow(
+        lambda t, x, p: [0.2 * (1 - x[0]) - 60 * x[0] * x[1], (60 * x[0] - 10.2) * x[1]],
+        at=0, reset=lambda t, x, p: [(1 - p["v"]) * x[0], x[1]],
+    )  # fmt: skip
+    none = cb.cycle(infected, {"S": 0.3, "I": 0.0}, {"v": 0.05}, period=1.0, settle=100)
+    pulses = cb.trace(none, "v", within={"v": (0.01, 0.3)}, towards="both")
+    assert not pulses.doubtful
+    assert set(pulses["unstable"]) == {1}
+    for at in pulses:
+        known = (1 - at["v"]) * np.exp(-0.2)
+        assert at.solution.others[1] == pytest.approx(known, rel=1e-9)
+
+
 def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
     """Where it began it never comes back to: what comes after the first wait is looked at."""
 
