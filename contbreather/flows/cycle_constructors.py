@@ -410,8 +410,11 @@ def _closed(
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
             refuse_rest(np.array(extents), flights[0].states[0], size)
+        elif all(abs(flight.states).max() <= np.finfo(float).eps * size for flight in flights):
+            # what is left of the start is no size to measure the orbit by
+            flights = tuple(replace(f, states=0 * f.states, slopes=0 * f.slopes) for f in flights)
         # next to PD returns are close by turns, and that after two periods may be the closest
-        equations = once(equations, equations.flights(solved.x, params), params)
+        equations = once(equations, flights, params)
         equations = replace(equations, start=_adapted(equations.start, equations.units))
     closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):

@@ -8,6 +8,7 @@ import pickle
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 from scipy.special import mathieu_a, mathieu_b
 
 import contbreather as cb
@@ -813,3 +814,26 @@ def test_a_pair_whose_product_stays_1_where_time_can_be_reversed_is_no_torus() -
     assert (arm["unstable"][1:] == 1).all()
     assert not branch.doubtful
     assert not arm.doubtful
+
+
+@pytest.mark.parametrize("settle", [0, 60])
+def test_a_swing_that_dies_out_is_rest_up_to_where_it_is_pumped(settle: float) -> None:
+    """What is left of the start, 1e-50, is no size. Damped, a pendulum on a shaken pivot begins to
+    swing where the multipliers of its linear equation, exp(-0.2 pi) times each other, reach -1."""
+
+    def pumped(t, x, p):
+        return [x[1], -0.2 * x[1] - (1 + p["a"] * np.cos(2 * t)) * np.sin(x[0])]
+
+    def doubled(a):
+        def linear(t, y):
+            x, v = y[:2], y[2:]
+            return np.append(v, -0.2 * v - (1 + a * np.cos(2 * t)) * x)
+
+        both = solve_ivp(linear, (0, np.pi), [1, 0, 0, 1], "DOP853", rtol=1e-12, atol=1e-13)
+        return both.y[0, -1] + both.y[3, -1] + 1 + math.exp(-0.2 * np.pi)
+
+    start = {"x": 0.1, "v": 0.0}
+    rest = cb.cycle(pumped, start, {"a": 0.1}, period=np.pi, settle=settle)
+    branch = cb.trace(rest, "a", within={"a": (0, 1)}, towards="both")
+    assert [at.kind for at in branch.special] == ["EP", "PD", "EP"]
+    assert branch.first("PD")["a"] == pytest.approx(brentq(doubled, 0.3, 0.5), abs=1e-9)
