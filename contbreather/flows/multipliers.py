@@ -204,8 +204,9 @@ def of_cycle(
     none = np.empty(0)
     if not equations.smooth and any(np.isnan(stack).any() for stack in factors):
         lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
-        largest = multipliers(around(equations, x, p, at_least=True)[0])[0]
-        if abs(largest) > np.finfo(float).eps ** -0.25:  # between 1 and 1/rate
+        turn = itertools.chain(*around(equations, x, p, at_least=True)[0])
+        total = np.trace(reduce(lambda product, factor: factor @ product, turn))
+        if abs(total) > np.finfo(float).eps ** -0.25:  # between 1 and 1/rate
             lost[:1] = np.inf
         return lost, none
     if not equations.autonomous:

@@ -105,6 +105,7 @@ def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_i
     assert not branch["unstable"].any()
     line = cb.boundary(branch[-1], ("I", "b"), within={"b": (-0.5, 0.5)}, towards="both")
     assert [at.kind for at in line.special] == ["EP", "EP"]
+    assert not line["unstable"].any()
 
 
 @pytest.mark.parametrize("kind", ["VI", "GR"])
