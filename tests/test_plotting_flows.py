@@ -232,6 +232,19 @@ def test_multipliers_of_cycles_are_drawn_along_their_branch_and_in_the_plane(cyc
     assert word.get_text() == f"{math.exp(-4 * math.pi * cycles['mu'][-1]):.5f}"
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_infinite_multiplier_is_shown_at_the_edge() -> None:
+    """At VI, where the others are not known."""
+    hit = cb.Flow(
+        lambda t, x, p: [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
+        until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [x[0], -0.7 * x[1]],
+    )  # fmt: skip
+    start, turn = {"x": 0.9, "v": -2.0}, 2 * np.pi / 1.5
+    orbit = cb.cycle(hit, start, {"F": 1.0}, period=turn, settle=80)
+    ax = plots.plot_multipliers(cb.trace(orbit, "F", within={"F": (0.3, 1.35)}).first("VI")).axes
+    assert [text.get_text() for text in ax.texts] == ["inf"]
+
+
 def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:
     run = cb.integrate([FALL], {"y": 0.6, "v": 3.1}, TABLE, events=2, t0=0.9)
     for value in (ball, run):

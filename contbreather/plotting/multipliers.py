@@ -92,6 +92,7 @@ def draw_multipliers(
     if not isinstance(orbit, Orbit):
         _not_of_cycles(sites, half)
         mu = _own(orbit)
+        mu = mu[~np.isnan(mu)]  # at VI only one is known, which is infinite
         if isinstance(orbit, Cycle) and orbit.paired:  # where pairs meet rounding moves them apart
             paired = True
             root = np.sqrt(orbit.indices**2 - 1)
@@ -108,9 +109,11 @@ def draw_multipliers(
                   solid_capstyle="butt")  # fmt: skip
     axes.axhline(0.0, color=GREY, linewidth=0.3, zorder=0)
     axes.axvline(0.0, color=GREY, linewidth=0.3, zorder=0)
-    size = np.abs(mu)  # those far out are shown at the edge, in their direction
-    shown = np.where(size > FAR, mu / np.maximum(size, 1e-300) * FAR, mu)
-    reach = max(1.6, 1.1 * float(np.abs(shown).max()))  # with room for words outside the circle
+    finite = np.where(np.isinf(mu), np.sign(mu.real) * 1e300, mu)
+    size = np.abs(finite)  # those far out are shown at the edge, in their direction
+    shown = np.where(size > FAR, finite / np.maximum(size, 1e-300) * FAR, mu)
+    # with room for words outside the circle
+    reach = max(1.6, 1.1 * float(np.abs(shown).max(initial=0.0)))
     axes.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
     squares = isinstance(orbit, Orbit | PeriodicMotion) and not half
     name = r"$\mu^2$" if squares else r"$\mu$"
