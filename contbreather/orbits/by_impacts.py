@@ -28,7 +28,7 @@ from contbreather.lattice.conditions import Conditions, Walls, restitution_ratio
 from contbreather.lattice.finite import highest_k
 from contbreather.lattice.forcing import Fourier
 from contbreather.lattice.periodic_green import check_coupling
-from contbreather.lattice.response import Resonant
+from contbreather.lattice.response import Resonance, Resonant
 from contbreather.orbits.asymmetric_breather import (
     EQUAL,
     asymmetric_problem,
@@ -194,10 +194,14 @@ class ByImpacts:
 
     @property
     def chi(self) -> float:
-        """Place of the impact of one site, without its forced motion, per unit p."""
-        (impact,), at = self.impacts, self.terms
-        place = self.conditions.walls.position(impact.site, impact.wall)
-        return float(2.0 * (place - at.a * at.forced[0, 0]) / abs(impact.impulse))
+        """Place of the impact of one site, without its forced motion, per unit p; of the response
+        to an impulse, as p may be 0."""
+        response = equations_on(self.conditions, self.section, ()).response(self.conditions.params)
+        try:
+            h = response.interactions(np.zeros(1))[0, 0, 0]
+        except Resonance:
+            return math.inf
+        return float(-2.0 * h)
 
     @property
     def family(self) -> str:

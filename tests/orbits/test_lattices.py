@@ -454,6 +454,14 @@ def test_nothing_is_seen_where_an_impact_vanishes_but_its_end() -> None:
     assert not [point for point in (*branch.special, *branch.doubtful) if point.kind == "PF"]
 
 
+def test_where_an_impact_vanishes_chi_is_that_of_the_lattice() -> None:
+    """The mean of tan(pi w/2)/w over the modes, here of two coupled sites."""
+    start = cb.symmetric(0.3, 0.04, 0.8, lattice=cb.OpenChain(2), spring=0.1)
+    end = cb.trace(start, "a").first("VI").solution
+    chi = np.mean([math.tan(0.5 * math.pi * w) / w for w in np.sqrt([0.1, 0.18])])
+    assert (end.p, end.chi) == pytest.approx((0.0, chi), abs=1e-12)
+
+
 def test_flights_with_heavy_damping_neither_overflow_nor_cancel() -> None:
     for damping in (1e-9, 1e-6, 3.0, 1e3):
         fly = propagator(np.array([0.0, 0.2]), math.pi, damping)
