@@ -16,7 +16,9 @@ from contbreather.explorer.jobs import Computation, Job, JobThread, OnLattice, P
 from contbreather.explorer.state import Chosen, PageState, point_of, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
+from contbreather.lattice.formula import as_formula, forcing_of
 from contbreather.lattice.parse import as_typed
+from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.start_search import breather_at
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
@@ -155,7 +157,7 @@ class Session:
                 self.change(plane=plane or last, awaited="")
             else:  # what is drawn stays
                 self.change(**({"fixed": last.fixed} if last else {}), awaited="")
-            self.tell(trouble)
+            self.tell(f"no zones: {trouble}" if trouble and not cut else trouble)
 
     def choose(self, chosen: Chosen) -> None:
         self.message = ""
@@ -230,6 +232,7 @@ class Session:
         orbit = chosen.orbit
         losses = {name: getattr(orbit, name) for name in OPTIONAL}
         entries = {
+            "forcing": self._drive_of(orbit),
             **{
                 n: value if value != NUMBERS[n].default or n in chosen.free else None
                 for n, value in losses.items()
@@ -241,16 +244,21 @@ class Session:
         }
         return {**entries, "lattice": entries.get("lattice") or self.lattice_of(chosen)}
 
+    def _drive_of(self, orbit: Orbit) -> str:
+        """Formula to type for its drive: what is typed, where that is the same."""
+        typed = self.state.forcing
+        return typed if forcing_of(typed or None) == orbit.forcing else as_formula(orbit.forcing)
+
     def choose_point(self, curve: str, index: int) -> None:
         """Look at a point of a curve, and have zones of what it lives on."""
         branch = self.state.curves[curve]
         chosen = point_of(curve, branch, min(max(index, 0), len(branch) - 1))
         if chosen.orbit is not None:
             on = self.lives_on(chosen)
-            of = self._zones_of(**on)
-            if of != self.state.zones_of:
+            forcing, of = on.pop("forcing"), self._zones_of(**on)
+            if (forcing, of) != (self.state.forcing, self.state.zones_of):
                 self.change(conditions=tuple(on.items()), zones_of=of)
-                self.look_at(self.state.fixed[1])
+                self.look_at(self.state.fixed[1], forcing)
         self.choose(chosen)
 
     @property

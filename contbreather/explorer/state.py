@@ -17,6 +17,7 @@ from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
 from contbreather.errors import BadInput, ContbreatherError
 from contbreather.lattice.chain import Ring
+from contbreather.lattice.formula import as_formula
 from contbreather.lattice.parse import as_typed
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
@@ -237,12 +238,22 @@ def plane_in_words(zones: Zones) -> str:
 
 
 def model_in_words(orbit: Orbit) -> str:
-    on, site = orbit.conditions, orbit.section.hit[0]
-    words = [on.lattice.describe(), f"site {site}" if site else ""]
+    on = orbit.conditions
     own = {name: getattr(on, name) for name in OPTIONAL}
-    words += [f"{n} = {x:.10g}" for n, x in own.items() if x != NUMBERS[n].default]
-    words += [f"walls {walls}" if (walls := as_typed(on.walls)) else ""]
-    return ", ".join(filter(None, words))
+    words = [f"{n} = {x:.10g}" for n, x in own.items() if x != NUMBERS[n].default]
+    return ", ".join((*_model(orbit, as_formula(on.forcing)), *words))
+
+
+def _model(orbit: Orbit, drive: str) -> Iterator[str]:
+    """Lattice, and sites that hit, walls and the formula of a drive that are not the usual ones."""
+    sites, walls = orbit.section.hit, as_typed(orbit.walls)
+    yield orbit.lattice.describe()
+    if sites != (0,):
+        yield f"site{'s' * (len(sites) > 1)} {', '.join(map(str, sites))}"
+    if walls:
+        yield f"walls {walls}"
+    if drive:
+        yield f"F = a ({drive})"
 
 
 def watched(orbit: Orbit, sites: Sequence[int]) -> tuple[int, ...]:
@@ -262,13 +273,14 @@ def small(lattice: Any) -> Any:
 
 
 def told_apart(curves: Mapping[str, Branch]) -> tuple[str, dict[str, str]]:
-    """Say what all curves share of the parameters that vary, those that do not and the lattice, and
+    """Say what all curves share of the parameters that vary, those that do not and the model, and
     name each by its code and what it does not share: codes by names."""
     facts: dict[str, list[str]] = {}
     for code, branch in curves.items():
         varied, orbit = branch.curve.varied, point_of("", branch, 0).orbit
         facts[code] = [f"in {', '.join(varied)}"]
-        facts[code] += [] if orbit is None else [orbit.lattice.describe()]
+        if orbit is not None:  # parameters of a drive are among those below
+            facts[code] += _model(orbit, "" if orbit.forcing.params else as_formula(orbit.forcing))
         fixed = ((n, v) for n, v in branch.problem.params.items() if n not in varied)
         facts[code] += [f"{name} = {value:.6g}" for name, value in fixed]
     first = next(iter(facts.values()), [])

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -350,6 +351,27 @@ def sampled(force: Callable[[float], float]) -> Samples:
     # four samples to the shortest period, as `Samples` asks for
     size = max(8, 4 * max(m for m, _, _ in series.harmonics))
     return Samples(series.second().on_grid(size) + series.mean)
+
+
+def as_formula(forcing: Forcing) -> str:
+    """Formula that `forcing_of` makes a drive of, with numbers for its parameters; empty for the
+    paper's.
+
+    Examples
+    --------
+    >>> as_formula(Symbolic("-cos(t) - c3*cos(3*t)", c3=0.5))
+    '-cos(t) - 0.5 * cos(3 * t)'
+    """
+    if isinstance(forcing, Harmonic):
+        return ""
+    if isinstance(forcing, Symbolic):
+        values = {name: f"({value!r})" for name, value in forcing.values}
+        text = re.sub(r"\w+", lambda word: values.get(word[0], word[0]), forcing.expression)
+    else:
+        rows = ((m, -m * m or 1, A, B) for m, A, B in forcing.harmonics)  # of f, but for a mean
+        terms = ((F * A, F * B, m) for m, F, A, B in rows)
+        text = "+".join(f"({C:.15g}*cos({m}*t)) + ({S:.15g}*sin({m}*t))" for C, S, m in terms)
+    return read_formula(text).text
 
 
 def forcing_of(forcing: Drive | sympy.Expr | None, /, **params: float) -> Forcing:

@@ -16,7 +16,13 @@ import contbreather as cb
 from contbreather.errors import BadInput, NoSolution
 from contbreather.explorer import Explorer, jobs, session
 from contbreather.explorer.jobs import Computation, Progress
-from contbreather.explorer.state import drawn_columns, plane_in_words, verdict_in_words
+from contbreather.explorer.state import (
+    drawn_columns,
+    model_in_words,
+    plane_in_words,
+    told_apart,
+    verdict_in_words,
+)
 
 from ..apart import HUNG
 
@@ -222,6 +228,25 @@ def test_zones_follow_a_chosen_point_to_what_it_lives_on(monkeypatch: pytest.Mon
     said = next(line for line in explorer.script().splitlines() if line.startswith("zones = "))
     assert said == "zones = cb.zones(k=0.8, damping=0.02, site=1, lattice=given1[1].lattice)"
     assert there[1].lattice == on["lattice"]
+
+
+@pytest.mark.parametrize("more", [{}, {"c3": 0.4}])
+def test_a_chosen_point_brings_its_drive_along(monkeypatch: pytest.MonkeyPatch, more) -> None:
+    """Its fields give it back, zones are of its drive, and curves of other drives say so."""
+    monkeypatch.setattr(session, "zones", partial(cb.zones, within={"gamma": (0.04, 0.06)}))
+    drive = cb.Symbolic(f"-cos(t) - {'c3' if more else '0.4'}*cos(3*t)", **more)
+    starts = [cb.symmetric(0.5, 0.05, 0.8, forcing=drive), cb.symmetric(0.5, 0.05, 0.8)]
+    explorer = Explorer(*(cb.trace(start, "a", within={"a": (0.4, 0.5)}) for start in starts))
+    _, names = told_apart(explorer.state.curves)
+    assert "given1: " + ("c3 = 0.4" if more else "F = a (-cos(t) - 0.4 * cos(3 * t))") in names
+    explorer.choose_point("given1", 2)
+    assert explorer.wait(HUNG)
+    orbit, typed = explorer.chosen.orbit, explorer.lives_on(explorer.chosen)
+    assert model_in_words(orbit) == "infinite chain, F = a (-cos(t) - 0.4 * cos(3 * t))"
+    assert plane_in_words(explorer.state.plane) == model_in_words(orbit)
+    explorer.choose_typed(a=orbit.a, gamma=orbit.gamma, k=orbit.k, **typed)
+    assert explorer.chosen.orbit.p == pytest.approx(orbit.p, abs=1e-14)
+    assert explorer.wait(HUNG)
 
 
 def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(monkeypatch: pytest.MonkeyPatch):
