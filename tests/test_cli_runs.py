@@ -146,6 +146,15 @@ def test_what_is_shown_of_a_file_is_what_the_command_that_made_it_left(run, comm
         assert "Points on the curves at k = 0.7: " in run("show kept.nc zones2")[1]
 
 
+def test_what_is_shown_of_a_file_says_the_drive_and_the_walls(run: Run) -> None:
+    """Also where the parameter of the formula is free, whose value at the start says nothing."""
+    drive = "--forcing cos(t)+c3*cos(3*t) --set c3=0.2"
+    run(f"branch --free c3 --a 0.5 --gamma 0.04 --k 0.8 --window 0 0.2 {drive} --save b.nc")
+    assert "\nF = a (cos(t) + c3 * cos(3 * t)).\n" in run("show b.nc")[1]
+    run("branch --free a --gamma 0.04 --k 0.8 --window 0.5 0.51 --sites 3 --walls=-2,2 --save b.nc")
+    assert "\nwalls -2.0,2.0.\n" in run("show b.nc")[1]
+
+
 def test_steps_are_as_long_as_they_are_asked_to_be(kept: Run) -> None:
     usual = cb.load("b.nc")
     line = f"{BRANCH} --first 0.001 --largest 0.002 --smallest 1e-8 --most 10"

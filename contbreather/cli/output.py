@@ -249,9 +249,25 @@ def end_sentences(branch: cb.Branch) -> list[str]:
     return sentences
 
 
+def _drive_and_walls(branch: cb.Branch) -> str:
+    """Those that are not the usual ones; its title has the rest of its model."""
+    from contbreather.lattice.parse import as_typed
+    from contbreather.orbits.orbit_problem import OrbitProblem
+
+    problem: Any = branch[0].base_point.curve.problem
+    if not isinstance(problem, OrbitProblem):
+        return ""
+    drive, walls = problem.conditions.forcing, as_typed(problem.conditions.walls)
+    numbers = "".join(f", {name} = {value:.6g}" for name, value in drive.params.items())
+    formula = drive.describe().removesuffix(numbers)  # which the title has
+    return ", ".join([formula] * (drive != cb.Harmonic()) + [f"walls {walls}"] * bool(walls))
+
+
 def lines_of(branch: cb.Branch) -> Iterator[object]:
-    """A branch for people: its table, why it ends, and what could not be verified."""
+    """A branch for people: its table, its model, why it ends, and what could not be verified."""
     yield branch
+    if words := _drive_and_walls(branch):
+        yield f"{words}."
     yield from (f"{line}." for line in end_sentences(branch))
     for point in branch.doubtful:
         place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)

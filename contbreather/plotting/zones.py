@@ -18,6 +18,7 @@ from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.kinds import MEETING, look_of
 from contbreather.errors import BadInput
 from contbreather.lattice.forcing import Harmonic
+from contbreather.lattice.parse import as_typed
 from contbreather.orbits.atlas import check_atlas, words
 from contbreather.orbits.zone_diagram import KINDS, Box, Region, Zones
 from contbreather.parameters import NUMBERS
@@ -149,6 +150,8 @@ def _chain(zones: Zones) -> str:
     if model["lattice"].sites is not None:
         held = [(name, model.get(name)) for name in ("site", "damping", "spring")]
         also = [f"{name} {value:g}" for name, value in held if value]
+        walls = as_typed(model["walls"]) if "walls" in model else ""
+        also += [f"walls {walls}"] if walls else []
         words = [model["lattice"].describe(), *also, f"threshold {zones.threshold:g}"]
     forcing = model["forcing"]
     if not isinstance(forcing, Harmonic):

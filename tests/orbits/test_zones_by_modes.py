@@ -10,6 +10,7 @@ import pytest
 import contbreather as cb
 
 WINDOW = {"gamma": (0.03, 0.032), "a": (0.72, 0.95)}
+FAR = {"gamma": (0.03, 0.032), "a": (1.4, 1.9)}
 
 
 @pytest.fixture(scope="module")
@@ -19,9 +20,11 @@ def damped() -> cb.orbits.Zones:
     )
 
 
-def test_the_picture_names_the_site(damped) -> None:
-    title = cb.plotting.plot_zones(damped).axes.get_title(loc="left").replace("\n", " ")
-    assert "3 sites, site 1, damping 0.02, threshold" in title
+def test_the_picture_names_the_site_and_walls(damped) -> None:
+    far = cb.zones(k=0.8, lattice=cb.Ring(3), walls=(-2, 2), within=FAR, progress=False)
+    for zones, said in ((damped, "3 sites, site 1, damping 0.02"), (far, "3, walls -2.0,2.0")):
+        title = cb.plotting.plot_zones(zones).axes.get_title(loc="left").replace("\n", " ")
+        assert f"{said}, threshold" in title
 
 
 def test_curves_of_a_damped_chain_are_where_multipliers_and_margins_say(damped) -> None:
