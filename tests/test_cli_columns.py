@@ -131,6 +131,12 @@ def data_of(ax) -> np.ndarray:
     return np.concatenate([np.stack(line.get_data(), 1) for line in ax.get_lines()])
 
 
+def test_picture_of_arms_lays_no_branch_that_turns_back_upon_itself(run, pictures) -> None:
+    """By the asymmetry dashes of the lower breathers would lie between those beyond PF."""
+    assert run("switch --free a --gamma 0.04 --k 0.8 -o s.png")[0] == DONE
+    assert pictures[0].axes[1].get_ylabel() == "$t_{1}$"
+
+
 @pytest.mark.parametrize(
     ("line", "x", "y", "labels"),
     [
@@ -152,7 +158,8 @@ def test_picture_of_a_curve_is_that_of_its_columns(run, pictures, line, x, y, la
 
 
 def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictures) -> None:
-    arms = json.loads(run("switch --free a --gamma 0.04 --k 0.8 -o s.png --json")[1])["arms"]
+    line = "switch --free a --gamma 0.04 --k 0.8 --window 0.5 0.95 -o s.png --json"
+    arms = json.loads(run(line)[1])["arms"]
     above, below = pictures[0].axes
     assert [ax.get_xlabel() for ax in (above, below)] == ["$a$", "$a$"]
     assert (above.get_ylabel(), below.get_ylabel()) == ("$p$", "asymmetry")

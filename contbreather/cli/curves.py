@@ -373,7 +373,7 @@ def _drawn(parent: cb.Branch, arms: Sequence[cb.Branch]) -> Figure:
             return plotting.plot_diagram(branches).figure
         figure, (above, below) = plotting.new_figure(2)
         plotting.plot_diagram(branches, y="p", ax=above)
-        plotting.plot_diagram(branches, y="asymmetry", ax=below)
+        plotting.plot_diagram(branches, ax=below)
     return figure
 
 
