@@ -172,7 +172,8 @@ class ZonesView:
         x, y = drawn.pair
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
         if any(lines.values()):
-            every = np.vstack([line for some in lines.values() for line in some])
+            drawn_lines = (line for some in lines.values() for line in some)
+            every = np.vstack([*drawn_lines, *(region.outline for region in shaded)])
             _reach(self.figure.x_range, [0.0, every[:, 0].max()])
             _reach(self.figure.y_range, [0.0, 1.08 * every[:, 1].max()])
         met = ((*at, name, name) for *at, name in names_of_meetings(drawn))

@@ -173,7 +173,8 @@ class Zones(Columns, HtmlRepr):
         return regions(lines, box, self.unstable, lower, beyond) if cut else ()
 
     def box(self, within: Mapping[str, tuple[float, float]] | None = None) -> Box:
-        """Range of the curves in both parameters, and on to a window where breathers go on."""
+        """Range of the curves in both parameters, and on to the ends of the window of the search,
+        or of another one, where breathers go on."""
         if not any(self.curves.values()):
             raise BadInput(
                 "these zones have no curves, so there is nothing to draw; widen the window"
@@ -183,10 +184,12 @@ class Zones(Columns, HtmlRepr):
         if self.ceiling is not None:
             # a is the ordinate of each plane that it is in
             spans[1] = spans[1][0], max(spans[1][1], self.ceiling)
-        for i, name in enumerate(self.pair if within is not None else ()):
+        reaches = narrowed(self.pair, self._searched if within is None else windows(within),
+                           self.model["lattice"], self.held)  # fmt: skip
+        for i, name in enumerate(self.pair):
             across = np.linspace(*spans[1 - i], PROBES + 2)[1:-1].tolist()
             ends = list(spans[i])
-            reach = narrowed(self.pair, windows(within), self.model["lattice"], self.held)[name]
+            reach = reaches[name]
             for end in (0, 1):
                 # beyond the outermost curve nothing changes: any breather there speaks for all
                 beyond = 0.5 * (ends[end] + reach[end])
@@ -197,6 +200,11 @@ class Zones(Columns, HtmlRepr):
                     ends[end] = reach[end]
             spans[i] = (ends[0], ends[1])
         return spans[0], spans[1]
+
+    @property
+    def _searched(self) -> Mapping[str, tuple[float, float]]:
+        settings = next(branch.settings for _, branch in self)
+        return {} if settings is None else settings.within
 
     def unstable(self, x: float, y: float) -> int | None:
         """Unstable multipliers of the breather at a place of the plane, of the chain and by the

@@ -78,9 +78,8 @@ def plot_zones(
     legend : bool
         Explain the curves in the first panel.
     within : dict, optional
-        The windows that the zones were computed in, ``{"a": (0.95, 0.99)}``: where breathers go on
-        beyond the ends of all curves the axes do so too, as far as that. Without it they end
-        where the curves end.
+        Windows, ``{"a": (0.95, 0.99)}``, up to which axes go on where breathers do, beyond the ends
+        of all curves; those that the zones were computed in unless given.
 
     Returns
     -------

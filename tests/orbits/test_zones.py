@@ -477,6 +477,17 @@ def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     assert below.y < 2 * below.x
 
 
+def test_regions_go_on_to_the_edge_of_the_search_where_no_curve_does() -> None:
+    """At a = 0.59 no fold reaches gamma = 0, and NS ends at k = 0.999 above it; of the window of
+    the couplings only NS is seen, which spans a part of those of k."""
+    place = cb.symmetric(a=0.59, gamma=0.005, k=0.5)
+    assert place.admissibility().ok
+    assert place.stability().stable
+    assert around(cb.zones(a=0.59).regions, place.k, place.gamma).verdict == "S"
+    narrow = cb.zones(a=0.59, within={"gamma": (0.03, 0.15)})
+    assert around(narrow.regions, 0.1, 0.1).verdict == "S"
+
+
 def test_zones_without_a_curve_say_that_there_is_nothing_to_draw() -> None:
     empty = cb.zones(k=0.8, within={"a": (0.3, 0.301)})
     assert empty.regions == empty.regions_of(((0.0, 0.2), (0.0, 1.0))) == ()
