@@ -219,12 +219,22 @@ class PageForms:
 
         def renamed(_: object) -> None:
             self.figure.filename = f"{self.what.value}{self.suffix.value}"
+            self._enable_figure(self.explorer.state)
 
         for select in (self.what, self.suffix):
             select.param.watch(renamed, "value")
         which = pn.Row(self.what, self.suffix, margin=0)
         button = "Save all curves", self._save, {"path": self.file}
         return self._card("Keep", self.file, button, which, self.figure, self.script)
+
+    def _enable_figure(self, state: PageState) -> None:
+        """Enable its button where there is something to draw: a download has no other answer."""
+        there = {
+            "zones": state.plane is not None and not state.awaited,
+            "branches": bool(state.shown),
+            "motion": state.run is not None,
+        }
+        self.figure.disabled = not there[self.what.value]
 
     def _figure(self) -> BytesIO:
         trouble = self.troubles["Keep"]
@@ -256,9 +266,12 @@ class PageForms:
         }
         for name, possible in can.items():
             self.buttons[name].disabled = busy or not possible
+        self._enable_figure(state)
         if chosen is not None:
             for select in (self.free, self.first, self.second):
                 offered(select, list(chosen.free))
+            if (one := self.first.value) == self.second.value:  # neither was among them
+                self.second.value = next((name for name in chosen.free if name != one), one)
             self._say_where(chosen)
 
     def _say_where(self, chosen: Chosen) -> None:

@@ -369,8 +369,10 @@ def as_formula(forcing: Forcing) -> str:
         text = re.sub(r"\w+", lambda word: values.get(word[0], word[0]), forcing.expression)
     else:
         rows = ((m, -m * m or 1, A, B) for m, A, B in forcing.harmonics)  # of f, but for a mean
-        terms = ((F * A, F * B, m) for m, F, A, B in rows)
-        text = "+".join(f"({C:.15g}*cos({m}*t)) + ({S:.15g}*sin({m}*t))" for C, S, m in terms)
+        terms = (
+            (F * C, f"{name}({m}*t)") for m, F, A, B in rows for C, name in ((A, "cos"), (B, "sin"))
+        )
+        text = " ".join(f"{C:+.15g}*{wave}" for C, wave in terms if C)
     return read_formula(text).text
 
 

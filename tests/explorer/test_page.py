@@ -52,6 +52,22 @@ def bare(one_page: Page) -> Page:
     return one_page
 
 
+def test_a_pair_of_parameters_is_two_when_another_problem_had_neither(bare: Page) -> None:
+    line = cb.Problem(lambda x, p: np.array([p["mu"] - p["nu"] * x[0] ** 2]), {"x": 1.0},
+                      {"mu": 1.0, "nu": 1.0})  # fmt: skip
+    fold = cb.trace(line, "mu", within={"x": (-1, 1)}, events=[cb.fold()]).first("LP")
+    bare.explorer.choose(Chosen("line.first('LP')", None, fold))
+    bare.explorer.choose(Chosen("b", cb.symmetric(0.5, 0.05, 0.8)))
+    assert (bare.forms.first.value, bare.forms.second.value) == ("a", "gamma")
+
+
+def test_figures_that_are_not_there_are_not_exported(bare: Page) -> None:
+    """A download that is refused leaves an error of the server behind."""
+    for what, grey in {"branches": True, "motion": True, "zones": False}.items():
+        bare.forms.what.value = what
+        assert bare.forms.figure.disabled is grey
+
+
 def press(page: Page, name: str) -> None:
     """Press a button and wait for what it began."""
     button = page.forms.buttons[name]
