@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
@@ -18,10 +19,11 @@ from contbreather.explorer import jobs
 from contbreather.explorer.session import Session
 from contbreather.explorer.state import RING, Chosen, PageState
 from contbreather.explorer.style import CARD, FOCUSED, FORMS, WORDS
+from contbreather.orbits.zone_diagram import unit_of
 from contbreather.parameters import CHOICES, NEEDED, NUMBERS, window_of
 
 # where walks go unless a window is typed
-REACH = {**{name: window_of(name) for name in NEEDED}, "a": (0.01, 1.2)}
+REACH = {**{name: window_of(name) for name in (*NEEDED, "omega")}, "a": (0.01, 1.2)}
 FIRST = ("Show", "Continue")  # the buttons that most begin with
 TEXTS = ("forcing", "lattice", "walls", "path")  # fields of words, also where these are digits
 
@@ -38,6 +40,22 @@ def text_field(label: str, value: str, hint: str = "") -> Any:
     return pn.widgets.TextInput(
         label=label, value=value, placeholder=hint, sizing_mode="stretch_width", margin=(2, 5)
     )
+
+
+def usual_window(name: str, orbit: Any, omega: float) -> tuple[float, float]:
+    """Window of a parameter unless one is typed, in units of the frequency, walls and drive of an
+    orbit, and around its own value in any case."""
+    low, high = REACH.get(name, (0.0, 1.0))
+    if orbit is None:
+        return low, high
+    unit = unit_of(name, orbit.lattice, omega)
+    if name == "a":  # to beyond where the far field comes to the walls
+        walls = orbit.walls.at(orbit.section.hit[0])
+        unit *= max(abs(wall) for wall in walls if math.isfinite(wall)) / orbit.forcing.peak()
+    value = {**orbit.forcing.params, **vars(orbit.conditions)}[name]
+    if not unit * low <= value <= unit * high:
+        return value - abs(value), value + abs(value)
+    return unit * low, unit * high
 
 
 class Words:
@@ -158,7 +176,7 @@ class PageForms:
 
     def _walks(self) -> Any:
         self.free = pn.widgets.Select(label="in", options=list(NEEDED), sizing_mode="stretch_width")
-        low, high = (f"{end:g}" for end in REACH["a"])
+        self.usual = low, high = [f"{end:g}" for end in REACH["a"]]
         self.window = {"low": text_field("from", low), "high": text_field("to", high)}
         self.free.param.watch(self._usual_window, "value")
         fields = pn.Row(self.free, *self.window.values(), margin=0)
@@ -171,16 +189,23 @@ class PageForms:
     def _begin(self, job: Callable[..., jobs.Computation], *typed: Any, **more: Any) -> None:
         self.explorer.begin(job(self.explorer.chosen, *typed, **more))
 
-    def _usual_window(self, event: Any) -> None:
-        for field, end in zip(self.window.values(), REACH.get(event.new, (0.0, 1.0)), strict=True):
-            field.value = f"{end:g}"
+    def _usual_window(self, _: object = None) -> None:
+        chosen, name = self.explorer.state.chosen, self.free.value
+        orbit = None if chosen is None else chosen.orbit
+        window = usual_window(name, orbit, 1.0 if orbit is None else orbit.omega)
+        self.usual = [f"{end:g}" for end in window]
+        for field, text in zip(self.window.values(), self.usual, strict=True):
+            field.value = text
 
     def _special(self) -> Any:
         self.first = pn.widgets.Select(label="in", options=list(NEEDED), value="gamma", width=120)
         self.second = pn.widgets.Select(label="and", options=list(NEEDED), value="a", width=120)
 
         def trace() -> None:
-            self._begin(jobs.bounded, (self.first.value, self.second.value), REACH)
+            pair, orbit = (self.first.value, self.second.value), self.explorer.chosen.orbit
+            omega = REACH["omega"][1] if "omega" in pair or orbit is None else orbit.omega
+            within = {name: usual_window(name, orbit, omega) for name in pair if name in REACH}
+            self._begin(jobs.bounded, pair, within)
 
         return self._card(
             "From a special point",
@@ -287,6 +312,8 @@ class PageForms:
         for name, value in entries.items():
             text = f"{value:.10g}" if isinstance(value, float) else str(value)
             self.breather[name].value = "" if value is None else text
+        if [field.value for field in self.window.values()] == self.usual:  # nothing is typed
+            self._usual_window()
 
 
 def offered(select: Any, names: list[str], value: str | None = None) -> None:

@@ -12,6 +12,7 @@ from bokeh.events import DoubleTap, Tap
 import contbreather as cb
 from contbreather.errors import BadInput
 from contbreather.explorer import Explorer, session
+from contbreather.explorer.forms import usual_window
 from contbreather.explorer.page import Page
 from contbreather.explorer.state import Chosen
 from contbreather.explorer.views import letter
@@ -59,6 +60,25 @@ def test_a_pair_of_parameters_is_two_when_another_problem_had_neither(bare: Page
     bare.explorer.choose(Chosen("line.first('LP')", None, fold))
     bare.explorer.choose(Chosen("b", cb.symmetric(0.5, 0.05, 0.8)))
     assert (bare.forms.first.value, bare.forms.second.value) == ("a", "gamma")
+
+
+def test_windows_are_in_units_of_the_frequency_the_walls_and_the_drive(page: Page) -> None:
+    """At twice the frequency amplitudes are four times as large: a boundary was refused there, its
+    start outside of a window that nobody could widen."""
+    page.explorer.choose_typed(a=2.0, gamma=0.2, k=0.7, forcing="", omega=2.0)
+    page.render()
+    assert [field.value for field in page.forms.window.values()] == ["0.04", "4.8"]
+    press(page, "Continue")
+    branch = page.explorer.state.curves["branch1"]
+    assert [point.label for point in branch.special][-2:] == ["PF1", "GR1"]
+    fork = next(i for i, point in enumerate(branch) if point.label == "PF1")
+    page.explorer.choose_point("branch1", fork)
+    press(page, "Trace this boundary")
+    meeting = cb.boundary(branch.first("PF"), ("gamma", "a")).special[-1]
+    assert page.explorer.state.curves["line2"][-1]["a"] == pytest.approx(meeting["a"])
+    held = {"lattice": cb.Ring(3), "walls": (-2, 2), "forcing": "-cos(3*t)"}
+    reach = usual_window("a", cb.symmetric(12.0, 0.05, 0.7, **held), 1.0)
+    assert reach == pytest.approx((0.18, 21.6))
 
 
 def test_figures_that_are_not_there_are_not_exported(bare: Page) -> None:
