@@ -171,7 +171,7 @@ class Page:
 
     def _other_plane(self, name: str) -> None:
         """Show the plane through what is chosen, if the slider reaches it."""
-        value, (start, end, step) = NUMBERS[name].first, NUMBERS[name].slider
+        value, (start, end, step) = NUMBERS[name].first, self.explorer.state.slider(name)
         chosen = self.explorer.state.chosen
         if chosen is not None and chosen.orbit is not None:
             value = min(max(float(getattr(chosen.orbit, name)), start), end)
@@ -261,11 +261,12 @@ class Page:
 
     def _render_zones(self, new: PageState, old: PageState) -> None:
         name, value = new.fixed
-        start, end, step = NUMBERS[name].slider
+        start, end, step = new.slider(name)
         self.plane.value = name
         # what came from the browser does not go back to it rounded: it may have moved on by then
         there: Any = self.slider.value
         value = there if round(there, 9) == value else value
+        end = max(end, value)  # which may have been typed
         _put(self.slider, value, label=NUMBERS[name].label, start=start, end=end, step=step)
         self.zones.title(new)
         if new.plane is None:

@@ -22,7 +22,7 @@ from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.start_search import breather_at
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
-from contbreather.parameters import NEEDED, NUMBERS, OPTIONAL, parameter
+from contbreather.parameters import HEAVIEST, NEEDED, NUMBERS, OPTIONAL, parameter
 from contbreather.plotting.canvas import save_figure
 from contbreather.plotting.orbits import chosen_sites
 from contbreather.plotting.pictures import plot
@@ -96,7 +96,9 @@ class Session:
         name = fixed or self.state.fixed[0]
         if name not in NEEDED:
             raise BadInput(f"{name!r} is fixed in no plane of zones: one of {', '.join(NEEDED)} is")
-        now = name, parameter(name, value)
+        # at another frequency, or of another lattice, `zones` says what is too large
+        wide = name == "gamma" and self.state.zones_of
+        now = name, parameter(name, value, **({"high": HEAVIEST} if wide else {}))
         self.message = ""
         with self._changing:  # what arrives meanwhile is not taken for what is wanted now
             self.drawing = ""  # of another one

@@ -21,7 +21,7 @@ from contbreather.lattice.formula import as_formula
 from contbreather.lattice.parse import as_typed
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import Zones
-from contbreather.parameters import NUMBERS, OPTIONAL
+from contbreather.parameters import NUMBERS, OPTIONAL, POWERS
 from contbreather.simulation.simulate import SimulationRun
 
 RING = 400  # sites of the ring that is judged besides, the paper's
@@ -135,6 +135,11 @@ class PageState:
         name, value = self.fixed
         of = (f"F = a ({self.forcing})" if self.forcing else "", self.zones_of)
         return ", ".join(filter(None, (f"{name} = {value:g}", *of)))
+
+    def slider(self, name: str) -> tuple[float, ...]:
+        """Ends and step of what is fixed in a plane, in units of the frequency that is set."""
+        unit = float(dict(self.conditions).get("omega") or 1.0) ** POWERS.get(name, 0)
+        return tuple(unit * value for value in NUMBERS[name].slider)
 
     def without(self, code: str) -> PageState:
         """Remove a curve; the script goes on making it, for others may come from it, and what is

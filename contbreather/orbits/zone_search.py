@@ -116,10 +116,10 @@ class ZoneSearch:
         scans = [self._scan(x, shown) for x in self._comb(self.pair[0])]
         if not any(scans):
             known = {self.name: self.value, **self.held}
-            if "omega" in self.within:  # the band may be wider than the window
-                least = known | {n: window[0] for n, window in self.within.items()}
-                held = least["gamma"], self.model.get("spring"), self.model["lattice"]
-                check_drive(self.within["omega"][1], *held)
+            # the band may be wider than the frequency, or its window
+            least = known | {n: window[0] for n, window in self.within.items()}
+            held = least["gamma"], self.model.get("spring"), self.model["lattice"]
+            check_drive(self.within.get("omega", (0.0, known.get("omega", 1.0)))[1], *held)
             at = " and ".join(f"{n} = {x:g}" for n, x in known.items())
             searched = " and ".join(
                 f"{name} > 0" if high == math.inf else f"{name} between {low:g} and {high:g}"

@@ -163,7 +163,7 @@ def zones(
             "damping": damping, "spring": spring, "walls": walls, "omega": omega, **held,
         }  # fmt: skip
         return _several(name, value, save, **shared)
-    value = fixed_value(name, value)
+    value = fixed_value(name, value, lattice, omega)
     held = {n: parameter(n, x, high=HEAVIEST, why="") for n, x in held.items()}
     if past_folds and held:
         raise BadInput("past_folds: lower breathers are drawn at omega = 1; leave one of both out")
@@ -181,9 +181,11 @@ def zones(
     return search.zones()
 
 
-def fixed_value(name: str, raw: Any) -> float:
-    """The value of the parameter that is fixed, or a sentence."""
-    value = parameter(name, raw)
+def fixed_value(name: str, raw: Any, lattice: Any, omega: float) -> float:
+    """The value of the parameter that is fixed, or a sentence; a coupling at another frequency, or
+    of a lattice that is no chain and no ring, may be above 1/4."""
+    wide = name == "gamma" and (omega != 1.0 or isinstance(lattice, Finite))
+    value = parameter(name, raw, **({"high": HEAVIEST, "why": ""} if wide else {}))
     if name == "k" and value in (0.0, 1.0):
         raise BadInput(
             f"k = {value:g}: zones need 0 < k < 1. At k = 1 the folds are at a = 0 and every "
@@ -223,7 +225,8 @@ def model_of(
 
 
 def _several(name: str, values: Any, save: Save, **shared: Any) -> ZoneDiagrams:
-    values = [fixed_value(name, value) for value in values]  # all before any diagram is drawn
+    # all before any diagram is drawn
+    values = [fixed_value(name, value, shared["lattice"], shared["omega"]) for value in values]
     if not values:
         raise BadInput(f"zones need a value of {name}, or several; got none")
     done: list[Zones] = []

@@ -249,6 +249,16 @@ def test_a_chosen_point_brings_its_drive_along(monkeypatch: pytest.MonkeyPatch, 
     assert explorer.wait(HUNG)
 
 
+def test_zones_of_a_large_coupling_are_there_at_a_large_frequency() -> None:
+    explorer = Explorer()
+    explorer.look_at(0.2, fixed="gamma")
+    explorer.choose_typed(a=2.0, gamma=0.6, k=0.7, forcing="", lattice="", omega=2.0)
+    assert explorer.wait(HUNG)
+    assert explorer.state.plane is not None
+    assert explorer.state.plane.fixed == ("gamma", 0.6)
+    assert explorer.state.slider("gamma")[:2] == pytest.approx((0.02, 0.98))
+
+
 def test_zones_that_take_long_say_how_far_they_are_and_are_stopped(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(session, "PATIENCE", 0.0)
     explorer, said = Explorer(k=0.8), threading.Event()

@@ -433,6 +433,24 @@ def test_zones_at_another_frequency_are_scaled_ones():
         cb.zones(k=0.8, gamma=0.1, omega=1.5)
 
 
+def test_zones_of_a_coupling_go_up_to_the_band_of_their_frequency_and_lattice():
+    """Not to 1/4, where the band of the chain comes to the frequency 1."""
+    plane, scaled = cb.zones(gamma=0.6, omega=2.0), cb.zones(gamma=0.15)
+    ours, theirs = ([(p.kind, p["k"], p["a"]) for p in zones.special] for zones in (plane, scaled))
+    assert [(kind, k, a / 4) for kind, k, a in ours] == [pytest.approx(one) for one in theirs]
+    with pytest.raises(BadInput, match="harmonic 1 of the drive, 2, is in the band of the lattice"):
+        cb.zones(gamma=1.2, omega=2.0)
+    with pytest.raises(BadInput, match=r"gamma = 0.6: .* stays below the forcing frequency 1"):
+        cb.zones(gamma=0.6)
+    pair = cb.zones(gamma=0.3, lattice=cb.OpenChain(2), within={"k": (0.7, 0.72)})
+    fold = pair["LP"][0][
+        0
+    ]  # eq. (14), with the mean of tan(pi w/2)/w over modes 0 and sqrt(2 gamma)
+    q, w = (1 - fold["k"]) / (1 + fold["k"]), math.sqrt(0.6)
+    chi = 0.5 * (0.5 * math.pi + math.tan(0.5 * math.pi * w) / w)
+    assert fold["a"] == pytest.approx(q / math.hypot(chi, q))
+
+
 def test_the_command_line_and_studies_have_the_frequency(capsys):
     from contbreather.cli import main
     from contbreather.studies.schema import Chain
