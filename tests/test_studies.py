@@ -609,6 +609,19 @@ def test_a_worker_of_a_cluster_that_is_killed_costs_nothing(tmp_path: Path) -> N
         assert np.array_equal(here[name]["p"], there[name]["p"], equal_nan=True)
 
 
+def test_a_study_takes_couplings_up_to_the_band_of_its_frequency(tmp_path: Path) -> None:
+    """Not to 1/4, which is that of the frequency 1; what is computed is the scaled breather."""
+    path, free = tmp_path / "fast.toml", 'free = "a"\ngamma = 0.6\nk = 0.7\nwindow = [2, 2.1]'
+    path.write_text(f"[chain]\nomega = 2.0\n[branch.b]\n{free}\n")
+    assert dry_run(path).on.endswith("F = -a cos t, omega = 2")
+    assert conduct(path, executor=1).failed == {}
+    start = cb.load(tmp_path / "fast")["b"][0]
+    assert start["p"] == pytest.approx(cb.symmetric(start["a"] / 4, 0.15, 0.7).p, abs=1e-12)
+    path.write_text(f"[branch.b]\n{free}\n")
+    with pytest.raises(cb.BadInput, match=r"line 3, branch.b.gamma: gamma = 0.6: the coupling"):
+        read(path)
+
+
 def test_a_cluster_that_does_not_answer_is_refused() -> None:
     pytest.importorskip("distributed")
     for address in ("tcp://127.0.0.1:9", "nonsense://x"):

@@ -25,6 +25,7 @@ from pydantic import (
 from contbreather.checks import brief, numbers, spread
 from contbreather.errors import BadInput
 from contbreather.files import read_text
+from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
 from contbreather.lattice.parse import lattice_by, walls_by
@@ -87,7 +88,8 @@ def _values(typed: Any) -> list[float]:
 def _in_range(typed: Any, info: ValidationInfo) -> Any:
     """Check values by the range of the parameter that has the name of the key."""
     for value in typed if isinstance(typed, list) else [typed]:
-        parameter(str(info.field_name), value)
+        if info.field_name != "gamma" or value < 0.25:  # above that the chain says: `_of_couplings`
+            parameter(str(info.field_name), value)
     return typed
 
 
@@ -306,7 +308,8 @@ def read(path: str | Path) -> Study:
         study, faults = _without_mistakes(tables)
     except RecursionError as error:
         raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
-    if faults := [*faults, *_of_names(study, kinds), *_of_references(study, dict(kinds))]:
+    faults += [*_of_names(study, kinds), *_of_references(study, dict(kinds))]
+    if faults := [*faults, *_of_couplings(study)]:
         lines = _lines(text)
         # of what is not there the line of the innermost table that is
         places = sorted((_line(lines, at), ".".join(at), why) for at, why in faults)
@@ -396,6 +399,20 @@ def _of_names(study: Study, named: Sequence[tuple[str, str]]) -> Iterator[Fault]
             yield place, f"one of {', '.join(FIGURES)} was expected, got {str(picture)!r}"
         if typed and typed != Path(typed).name:
             yield place, f"a name in the folder of the results was expected, got {typed!r}"
+
+
+def _of_couplings(study: Study) -> Iterator[Fault]:
+    """Refuse couplings whose band comes to the drive, on chain and ring at the frequency 1; of
+    others the library says so when a part is computed."""
+    if study.chain.omega != 1.0 or not isinstance(study.chain.place, InfiniteChain | Ring):
+        return
+    for kind in ("branch", "zones", "atlas"):
+        for name, table in getattr(study, kind).items():
+            try:
+                for value in table.gamma or ():
+                    parameter("gamma", value)
+            except BadInput as error:
+                yield (kind, name, "gamma"), str(error)
 
 
 def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:

@@ -290,6 +290,7 @@ class DryRun(HtmlRepr):
         chain = self.study.chain
         names = ("damping", "spring", "site", "walls", "threshold")
         settings = [(name, value) for name in names if (value := getattr(chain, name))]
+        settings += [("omega", chain.omega)] * (chain.omega != 1.0)
         return ", ".join([chain.place.describe(), chain.drive.describe(), *map(_setting, settings)])
 
 
