@@ -312,12 +312,12 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             else:
                 left = before.reset is None or _has_left(orbit, i, v, size, t, states)
                 begins = flow.until is None or not left
-            # where no place is low this one is far from it, but in sliding that vanishes
-            vanishes, leaves = ends and slid_along(flow), ends and slid_along(before)
-            # of one that hardly lasts all places are low
-            least = 2 * LEAVES * orbit.period if leaves else short if vanishes else 0.0
-            none = flight.duration < least
-            places = [] if vanishes or none else [s[v.argmax()]]
+            # where no place is low this one is far from it, but of sliding, and of what leaves the
+            # surface after it, both of which shrink to nothing
+            slides, leaves = (ends and slid_along(of) for of in (flow, before))
+            places = [] if slides or leaves else [s[v.argmax()]]
+            least = 2 * LEAVES * orbit.period if leaves else short if slides else 0.0
+            none = flight.duration < least  # of one that hardly lasts all places are low
             for j in [] if none else _lows(v, s, size, begins, ends):
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])
