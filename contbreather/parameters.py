@@ -166,11 +166,13 @@ def parameter(name: str, value: object, **range_: Any) -> float:
     raise BadInput(f"{name} = {brief(value)}: {declared.wanted}")
 
 
-def window_of(name: str) -> tuple[float, float]:
-    """Default window of a parameter; any value of one of the forcing."""
+def window_of(name: str, omega: float = 1.0) -> tuple[float, float]:
+    """Default window of a parameter, in units of the frequency; any value of one of the forcing."""
     if name not in NUMBERS:
         return -math.inf, math.inf
-    return NUMBERS[name].window or NUMBERS[name].domain
+    unit = omega ** POWERS.get(name, 0)
+    low, high = NUMBERS[name].window or NUMBERS[name].domain
+    return unit * low, unit * high
 
 
 def table() -> Iterator[tuple[str, str, str, str, str]]:

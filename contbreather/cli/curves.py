@@ -168,7 +168,7 @@ def branch(
     steps, problem = sizes.steps(), along.problem(where, rule, root)
     traced, cut = until_interrupted(
         cb.continuation.trace, problem, along.free,
-        within=along.within, towards=towards, steps=steps, save=into.save,
+        within=along.within(where), towards=towards, steps=steps, save=into.save,
     )  # fmt: skip
     into.leave(of_branch(traced, axes), cut=cut)
     check_ends(traced, "branch")
@@ -204,7 +204,8 @@ def boundary(
     into.check(where.read)
     axes.check(into.output)
     first, second = pair
-    within = {first: window or window_of(first), second: window_of(second)}
+    omega = where.omega or 1.0
+    within = {first: window or window_of(first, omega), second: window_of(second, omega)}
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(
         kind.upper(), pair, within=within, threshold=rule.threshold,
@@ -251,7 +252,7 @@ def switch(
         Where to switch, a kind or a label; once more for the branch found there: --at PF --at PD.
     """
     into.check(where.read)
-    within = along.within
+    within = along.within(where)
     branch = parent = cb.continuation.trace(
         along.problem(where, switched=True), along.free, within=within
     )
@@ -405,7 +406,7 @@ def diagram(
     into.check(where.read)
     tree, cut = until_interrupted(
         cb.diagram, along.problem(where, switched=True), along.free,
-        within=along.within, depth=depth, most=most, beyond=beyond, save=into.save,
+        within=along.within(where), depth=depth, most=most, beyond=beyond, save=into.save,
     )  # fmt: skip
     result = of_diagram(tree)
     loose = (f"{line}." for line in _loose_ends(tree, depth))

@@ -219,10 +219,9 @@ class BranchWindow:
     ]
     window: Window = None
 
-    @property
-    def within(self) -> dict[str, Span]:
+    def within(self, where: ModelOptions) -> dict[str, Span]:
         """Window of the parameter, where it is looked at unless given."""
-        return {self.free: self.window or window_of(self.free)}
+        return {self.free: self.window or window_of(self.free, where.omega or 1.0)}
 
     def problem(
         self, where: ModelOptions, judged: Judged = Judged(), root: int | None = None, *,
@@ -232,7 +231,7 @@ class BranchWindow:
         window, with all events; where other branches are `switched` to, on finite lattices those of
         shooting."""
         free, on, params = self.free, where.on(self.free), where.given(self.free)
-        near = (params[free], params[free]) if free in params else self.within[free]
+        near = (params[free], params[free]) if free in params else self.within(where)[free]
         breather = cb.orbits.find_symmetric(free, near, root=root, **{**params, **on})
         if switched and breather.lattice.sites is not None:
             return cb.shooting(breather)

@@ -201,7 +201,8 @@ def find_event(
             f"{THRESHOLD}; leave it out"
         )
     checked = windows(within)
-    span, reach = (checked.get(name) or window_of(name) for name in pair)
+    omega = conditions.get("omega", 1.0)
+    span, reach = (checked.get(name) or window_of(name, omega) for name in pair)
     reason, refusal = "", None
     for value in _combed(first, conditions.get(first), span):
         try:

@@ -93,7 +93,7 @@ class Task:
         elif "free" in said:
             words += f" in {table.free}"
             fixed.pop(table.free, None)
-            windows[table.free] = table.window or window_of(table.free)
+            windows[table.free] = table.window or window_of(table.free, self.chain.omega)
         words += f" at {', '.join(map(_setting, fixed.items()))}" if fixed else ""
         words += f" in ({', '.join(table.pair)})" if "pair" in said else ""
         ranges = [f"{name} from {low:g} to {high:g}" for name, (low, high) in windows.items()]
@@ -216,7 +216,7 @@ def computed(task: Task, folder: Path) -> Any:
     if isinstance(table, ZonesTask):
         more = {name: getattr(table, name) for name in ("past_folds", "beyond", "within")}
         return zones(**on, **more, threshold=chain.threshold, progress=False)
-    free, span = table.free, table.window or window_of(table.free)
+    free, span = table.free, table.window or window_of(table.free, chain.omega)
     near = (values[free], values[free]) if free in values else span
     try:
         breather = find_symmetric(free, near, root=table.root, **on)

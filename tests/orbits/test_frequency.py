@@ -451,6 +451,20 @@ def test_zones_of_a_coupling_go_up_to_the_band_of_their_frequency_and_lattice():
     assert fold["a"] == pytest.approx(q / math.hypot(chi, q))
 
 
+def test_commands_look_at_couplings_up_to_the_band_of_their_frequency(capsys):
+    """At omega = 2 up to four times as large ones as at 1, where a start was outside its window."""
+    from contbreather.cli import main
+
+    scaled = cb.zones(k=0.7, within={"gamma": (0.06, 0.08)})["PF"][0].special[-1]
+    for line in ("branch --free gamma --gamma 0.6 --a 2", "boundary PF"):
+        main([*line.split(), "--k", "0.7", "--omega", "2", "--json"])
+        ends = json.loads(capsys.readouterr().out)["special"]
+        assert ends[-1]["kind"] in ("GR", "PF-GR")
+    assert (ends[-1]["gamma"] / 4, ends[-1]["a"] / 4) == pytest.approx(
+        (scaled["gamma"], scaled["a"])
+    )
+
+
 def test_the_command_line_and_studies_have_the_frequency(capsys):
     from contbreather.cli import main
     from contbreather.studies.schema import Chain
