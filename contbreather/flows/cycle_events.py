@@ -57,7 +57,7 @@ def swing(least: float, point: Point) -> float:
 
 
 def _shrunk(point: Point) -> float:
-    base, equations = point.base_point, equations_of(point.base_point)
+    equations = equations_of(base := point.base_point)
     return _amplitude(equations, base.x) - _AT_REST if equations.shrinks else math.nan
 
 

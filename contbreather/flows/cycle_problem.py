@@ -360,14 +360,15 @@ class CycleProblem(Problem):
         return closing_matrix(self.residual, matrix, mu)
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float, float]:
-        mu = point.solution.others
+        orbit: Cycle = point.solution
+        mu = orbit.others
         # those that are not known are next to 0: of these four at once change no sign of a test
         if isinstance(self.residual, SparseFlowEquations):
             count = self.residual.start[0].dimension - 1
             mu = np.append(mu, np.zeros((count - mu.size) % 4))
         # small ones are as exact as large ones: what the mesh leaves is in the trivial one. In two
         # parameters resonances are zeros of a test that has no system of its own
-        left = abs(point.solution.trivial - 1) if len(point.curve.free) == 1 else 0.0
+        left = abs(orbit.trivial - 1) if len(point.curve.free) == 1 else 0.0
         return mu, 0.0, left if left < RESOLVED else 0.0
 
     @property

@@ -221,7 +221,7 @@ def _passages(orbit: Cycle) -> list[_Passage]:
 
 
 def _pace(point: Point) -> float:
-    first, *more = _passages(point.base_point.solution)
+    first, *more = _passages(point.solution)
     # how far off the parameter is, but for a factor, where it has come to rest, and a second time.
     # Where it swings no tangent tells more, and a turn of the period brings it closer by little
     off = _off(point, first, 1e-6 if first.pace < _SLOW and first.swings else 1e-8)
