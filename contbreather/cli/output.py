@@ -250,7 +250,7 @@ def end_sentences(branch: cb.Branch) -> list[str]:
 
 
 def _drive_and_walls(branch: cb.Branch) -> str:
-    """Those that are not the usual ones; its title has the rest of its model."""
+    """Name those that are not the usual ones; its title has the rest of its model."""
     from contbreather.lattice.parse import as_typed
     from contbreather.orbits.orbit_problem import OrbitProblem
 

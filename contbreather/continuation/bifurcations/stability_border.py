@@ -65,8 +65,8 @@ class Border:
         return self.spectrum(point).unstable_pairs
 
     def may_jump(self, point: Point) -> bool:
-        """Where a pair turns real the test of pairs goes on with the next: real ones of a sparse
-        matrix are not all known."""
+        """Say whether the test of pairs goes on with the next where one turns real: real ones of
+        a sparse matrix are not all known."""
         return isinstance(self.spectrum(point), NearAxis)
 
     def least_of_pairs(self, on: str, point: Point) -> float:

@@ -155,7 +155,7 @@ class Multipliers(CriticalValues):
 
     @property
     def unstable_pairs(self) -> complex:
-        """Of pairs: closer to the circle than this they are on it."""
+        """Pairs outside the circle: closer to it than this they are on it."""
         known = self.values[np.isfinite(self.values)]
         return complex(pairs_beyond(known, lambda first, second: (first * second).real > 1 + 2e-9))
 
@@ -200,7 +200,7 @@ class Eigenvalues(CriticalValues):
 
     @property
     def unstable_pairs(self) -> complex:
-        """Of pairs, those to the right of the axis by more than rounding."""
+        """Pairs to the right of the axis by more than rounding."""
         right = partial(right_of_axis, self.rounding)
         return complex(pairs_beyond(self.values, right))
 
