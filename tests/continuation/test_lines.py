@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.sparse import diags_array
+from scipy.sparse import block_diag, diags_array
 
 import contbreather as cb
 from contbreather.continuation import Point, Stop
@@ -361,3 +361,27 @@ def test_where_two_curves_of_branch_points_cross_there_is_no_takens_bogdanov_poi
     curve = cb.boundary(branch.first("BP"), ("b", "a"), within={"b": (-1, 1)}, events=events)
     assert (lines.kinds(curve), curve.doubtful) == ([], ())
     assert np.ptp(curve["b"]) > 1.5
+
+
+def test_a_place_beside_a_branch_point_on_a_hopf_curve_of_a_sparse_problem_is_no_fold() -> None:
+    """As far off as the location of a test leaves it, on a mesh, where the others are small, too:
+    beside an oscillation a diffusion whose first mode begins to grow at b = 0."""
+    n, first = 30, 4 * math.sin(math.pi / 62) ** 2
+    diffusion = diags_array([1.0, first - 2.0, 1.0], offsets=[-1, 0, 1], shape=(n, n))
+
+    def jacobian(u, p):
+        pair = np.array([[p["a"], -1.0], [1.0, p["a"]]])
+        return block_diag([pair, diffusion + diags_array(p["b"] - 2 * u[2:])], format="csc")
+
+    def flow(u, p):
+        pair = p["a"] * u[0] - u[1], u[0] + p["a"] * u[1]
+        return np.array([*pair, *(diffusion @ u[2:] + p["b"] * u[2:] - u[2:] ** 2)])
+
+    problem = cb.Problem(flow, {"u": np.zeros(n + 2)}, {"a": -0.5, "b": 0.02}, jacobian=jacobian)
+    events = [cb.fold(), cb.branch_point(), cb.hopf()]
+    point = cb.trace(problem, "a", within={"a": (-1, 1)}, events=events).first("HB")
+    curve = cb.boundary(point, ("b", "a"), within={"b": (-0.02, 0.025)}, events=events)
+    met = curve.first("HB-BP")
+    beside = replace(met, z=met.z + 6e-9 * met.tangent / np.linalg.norm(met.tangent))
+    (event,) = (event for event in curve.problem.events if event.kind == "ZH")
+    assert "branch point, not a fold" in event.examine(beside)

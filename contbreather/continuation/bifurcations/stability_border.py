@@ -124,6 +124,9 @@ class Border:
                 return NOTHING
             shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
             return f"on the {self.name} are {shown}, where only {these} should be"
+        judge = self.events["LP"].examine if "LP" in kinds else None
+        if judge and (said := judge(point.base_point)):  # by how far off the place may be
+            return said
         name, measure = self.frequency
         if upper.size == 2:  # that of the other curve: it can set out here
             other = self.others(self.pair, point).critical
