@@ -125,7 +125,8 @@ class Border:
             shown, these = np.array2string(every.critical, precision=6), " and ".join(wanted)
             return f"on the {self.name} are {shown}, where only {these} should be"
         judge = self.events["LP"].examine if "LP" in kinds else None
-        if judge and (said := judge(point.base_point)):  # by how far off the place may be
+        said = judge and judge(point.base_point)  # by how far off the place may be
+        if said and isinstance(said, str):
             return said
         name, measure = self.frequency
         if upper.size == 2:  # that of the other curve: it can set out here
