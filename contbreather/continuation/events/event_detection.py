@@ -211,6 +211,9 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
             if turn:
                 break
             continue
+        for samples in tests:  # behind a zero that is no event others may be
+            if any(point.event is samples.event and not point.kind for point in fresh):
+                yield from separated(samples)
         active = list(tests)  # what happens at an event is news of the clear ones as well
         for point, samples in itertools.product(fresh, tests):
             segment = samples.segment

@@ -302,15 +302,20 @@ def _vanishes(samples: StepSamples, point: Point, left: float, right: float) -> 
 
 def separated(samples: StepSamples) -> Iterator[Point]:
     """Look between several zeros, where their count changes by more than one, so that each leaves
-    its change of sign. Those that are at one place are doubtful."""
+    its change of sign; beside those that are known, too. Those at one place are doubtful."""
     event, segment = samples.event, samples.segment
     if event.count is None:
         return
     counts = {0.0: count_at(event, segment.first), 1.0: count_at(event, segment.last)}
-    if not more_than_one([*counts.values()]).any():
-        return
-    size = _TOUCH * max(abs(samples.values[u]) for u in counts)
-    pieces, looks = [(0.0, 1.0)], 0
+    size, ends = _TOUCH * max(abs(samples.values[u]) for u in counts), [0.0]
+    for zero in sorted(samples.zeros):
+        ends += [zero - BESIDE * (zero - ends[-1]), zero + BESIDE * (1.0 - zero)]
+        for u in ends[-2:]:
+            if math.isnan(samples.known(u)):  # nothing can be seen there
+                return
+            counts[u] = event.count(samples.place(u))
+    ends.append(1.0)
+    pieces, looks = [(u, v) for u, v in zip(ends[::2], ends[1::2], strict=True) if u < v], 0
     while pieces:
         left, right = pieces.pop()
         if not more_than_one([counts[left], counts[right]]).any():
