@@ -308,7 +308,7 @@ def separated(samples: StepSamples) -> Iterator[Point]:
         return
     counts = {0.0: count_at(event, segment.first), 1.0: count_at(event, segment.last)}
     size, ends = _TOUCH * max(abs(samples.values[u]) for u in counts), [0.0]
-    for zero in sorted(samples.zeros):
+    for zero in sorted(zero for zero in samples.zeros if 0.0 < zero < 1.0):
         ends += [zero - BESIDE * (zero - ends[-1]), zero + BESIDE * (1.0 - zero)]
         for u in ends[-2:]:
             if math.isnan(samples.known(u)):  # nothing can be seen there
