@@ -20,6 +20,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import crossing
+from ..continuation.systems.spectrum import OUTSIDE
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
@@ -212,7 +213,7 @@ class Cycle(HtmlRepr):
         if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)
             return int(outside.sum())
-        return int((abs(self.others) > 1 + 1e-9).sum())  # closer than that is on the circle
+        return int((abs(self.others) > OUTSIDE).sum())
 
     @cached_property
     def roughest(self) -> tuple[float, float]:

@@ -88,7 +88,8 @@ def _values(typed: Any) -> list[float]:
 def _in_range(typed: Any, info: ValidationInfo) -> Any:
     """Check values by the range of the parameter that has the name of the key."""
     for value in typed if isinstance(typed, list) else [typed]:
-        if info.field_name != "gamma" or value < 0.25:  # above that the chain says: `_of_couplings`
+        # couplings above that are judged by the chain, too: `_of_couplings`
+        if info.field_name != "gamma" or value < NUMBERS["gamma"].high:
             parameter(str(info.field_name), value)
     return typed
 

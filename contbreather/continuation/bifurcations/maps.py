@@ -28,7 +28,7 @@ from ..curve.settings import all_of
 from ..systems import defining_systems as systems
 from ..systems.branch_points import RANK, crossing_event
 from ..systems.normal_forms import closed
-from ..systems.spectrum import ROUNDING
+from ..systems.spectrum import OUTSIDE, ROUNDING
 from .equilibria import fold
 from .multiplier_events import linked
 
@@ -180,7 +180,7 @@ class MapCycle(HtmlRepr):
 
     @property
     def unstable(self) -> int:
-        return int((abs(self.multipliers) > 1 + 1e-9).sum())  # closer than that is on the circle
+        return int((abs(self.multipliers) > OUTSIDE).sum())
 
     def table(self) -> Sheet:
         rows = [(f"multiplier {i}", mu) for i, mu in enumerate(self.multipliers.tolist(), start=1)]

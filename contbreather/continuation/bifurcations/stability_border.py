@@ -26,7 +26,6 @@ from ..algebra.newton import OUT_OF_DOMAIN
 from ..branches.boundary import codim_two
 from ..curve.point import NOTHING, CodimensionTwo, Event, Examined, Point
 from ..systems import normal_forms
-from ..systems.branch_points import branches_cross
 from ..systems.spectrum import Eigenvalues, Multipliers, NearAxis
 
 Cubic = Callable[[Point, float], normal_forms.Coefficient]  # to an error that is asked for
@@ -109,8 +108,6 @@ class Border:
 
     def examine(self, kinds: tuple[str, ...], point: Point) -> Examined:
         """Refuse a point unless the values on the border are those of all these kinds."""
-        if "LP" in kinds and branches_cross(point.base_point):
-            return "a branch point, not a fold"
         every, left, found = self.spectrum(point), self.spectrum(point).critical, list[str]()
         for place in {*self.real.values()}:
             here = abs(left - place) < every.beside

@@ -49,8 +49,8 @@ class Structure:
     # ``(matrix, mu) -> (n, n) array``: of equations that say how a perturbation comes back after a
     # turn, the derivative whose null vectors are those that have grown by mu; affine in mu
     closing: ClassVar[Callable[[Matrix, complex], Matrix] | None] = None
-    # ``(point) -> (values, error)``: of maps and cycles the multipliers but for a trivial one, and
-    # what rounding may leave in each
+    # ``(point) -> (values, error)``, or with a relative error besides: of maps and cycles the
+    # multipliers but for a trivial one, and what rounding may leave in each
     multipliers: ClassVar[Any] = None
     # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
     perturbed: ClassVar[Any] = None

@@ -43,6 +43,7 @@ Values = NDArray[np.complex128]
 # by differences where they are zero all along, as in conservative systems, area preserving maps.
 ROUNDING = 2e-13
 FEW = 250  # rows up to which all eigenvalues at once take less time
+OUTSIDE = 1 + 1e-9  # modulus of multipliers up to which rounding has them on the unit circle
 _CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root splits double ones
 _EXACT = 1e-12  # relative change of trace and determinant that ends the iteration for a pair
 
@@ -155,14 +156,14 @@ class Multipliers(CriticalValues):
 
     @property
     def unstable_pairs(self) -> complex:
-        """Pairs outside the circle: closer to it than this they are on it."""
+        """Pairs outside the circle, by more than rounding."""
         known = self.values[np.isfinite(self.values)]
-        return complex(pairs_beyond(known, lambda first, second: (first * second).real > 1 + 2e-9))
+        return complex(pairs_beyond(known, lambda one, two: (one * two).real > OUTSIDE**2))
 
     @property
     def beyond_minus_one(self) -> int:
         """Count those outside the circle on that side, also pairs that two have become there."""
-        return int(np.count_nonzero((abs(self.values) > 1 + 1e-9) & (self.values.real < 0)))
+        return int(np.count_nonzero((abs(self.values) > OUTSIDE) & (self.values.real < 0)))
 
     @property
     def critical(self) -> Values:
