@@ -1,5 +1,5 @@
 """Events of cycles along a branch: LP, BP, PD, NS, and where it ends: HB, a cycle that shrinks to a
-point; VI, an impact that loses its velocity; GR, a wall that is touched in between; SL, an orbit of
+point; VI, an impact that loses its velocity; GR, a wall touched in between; SL, an orbit of
 a Filippov system that begins to slide, or to cross where it slid. Curves of folds end at GH.
 """
 
@@ -376,8 +376,22 @@ def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool) -> list[int
     return [int(j) for j in np.flatnonzero(low)]
 
 
+def _strokes(orbit: Cycle) -> Iterator[Margin]:
+    """Measure by how much a flow begins after the stroke of its clock before the one that ends it:
+    sooner it ends at that."""
+    flows, flights = orbit.equations.flows, orbit.flights
+    for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
+        clock, before = flow.until, flows[i - 1].until
+        if isinstance(clock, Clock) and before and not isinstance(before, Clock):
+            late = clock.since(flight.start, None, orbit.params)
+            system = _Reached(orbit.equations, i, clock.since, 0.0, slice(1)).system
+            said = f"flow {i} begins as its clock strikes, at t = {flight.start:.6g}"
+            yield Margin(float(late), system, said, i, "until")
+
+
 def _clearances(orbit: Cycle) -> Iterator[Margin]:
     """Measure how far the orbit is off touching a wall."""
+    yield from _strokes(orbit)
     for touch in touches(orbit):
         flow, duration = orbit.equations.flows[touch.flow], orbit.flights[touch.flow].duration
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
@@ -421,26 +435,31 @@ def _arrivals(orbit: Cycle) -> Iterator[Margin]:
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:
-    """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
-    condition without a reset is all but touched: where two flows meet at a tangency one comes into
-    being, as short as the root of how far the parameter is beyond. And of those that do at an edge
-    of sliding, as short as that."""
+    """Measure the share of the orbit of flows that begin where a condition without a reset ended
+    the one before: down to none where the next condition is met at once (a border collision); to
+    what counts as none where two flows meet at a tangency, for there a flow comes into being as
+    short as the root of how far the parameter is beyond, and where sliding is left at its edge."""
     flows, lengths = [*map(plain, orbit.equations.flows)], orbit.equations.layout.lengths
     if all(moves(flow) or not flow.until for flow in flows):
         return
     rates = paces(orbit.equations, orbit.x, orbit.params)
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
-        before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
-        edge = flow_between(flows[before], after) == flow
-        leaves = slid_along(flows[before])  # always at a tangency
+        before, after = flows[i - 1], flows[(i + 1) % len(flows)]
+        edge = flow_between(before, after) == flow
+        leaves = slid_along(before)  # always at a tangency
+        ends = before.until and not moves(before)
         # of its largest rate less than this: all but touched
-        tangent = flows[before].until and not moves(flows[before]) and rates[before][1] < 1e-2
-        if leaves or tangent or edge:
-            least = LEAVES if leaves else 0.0 if edge and slid_along(flow) else SHORTEST
+        tangent = ends and rates[(i - 1) % len(flows)][1] < 1e-2
+        meets = ends and not system_of(before)
+        if leaves or tangent or edge or meets:
+            collides = not (leaves or tangent or edge)
+            none = collides or (edge and slid_along(flow))
+            least = LEAVES if leaves else 0.0 if none else SHORTEST
             shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system
-            where = "at the edge of sliding" if edge else "at a tangency"
-            said = f"flow {i} shrinks to nothing, it begins {where}"
-            yield Margin(flight.duration / orbit.period - least, shrunk, said, i)
+            how = "it begins at the edge of sliding" if edge else "it begins at a tangency"
+            said = f"flow {i} shrinks to nothing, {'it ends as it begins' if collides else how}"
+            guard = "until" if collides else ""
+            yield Margin(flight.duration / orbit.period - least, shrunk, said, i, guard)
 
 
 # --- all of them --------------------------------------------------------------------------------

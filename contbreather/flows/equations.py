@@ -27,7 +27,7 @@ from ..continuation.curve.point import Point
 from ..errors import BadInput
 from .collocation import ROUNDING, Slopes, TrajectorySegment, as_one_flight, derivatives, flown
 from .conservation import Conservation
-from .flow import Flow, TurnedBack, slid_along
+from .flow import Flow, TurnedBack
 from .functions import Params, callings, slopes, values
 
 Places = NDArray[np.intp]
@@ -390,11 +390,9 @@ class FlowEquations:
         knots = np.zeros(len(start.knots))
         knots[1:-1], knots[-1] = x[layout.knots[i][:-1]], 1.0
         duration = float(x[layout.lengths[i]])
-        if not duration > 0.0:
-            # sliding that begins at its edge has none: a little beyond it goes backwards
-            least = -1e-6 * sum(flight.duration for flight in self.start)
-            if not (duration > least and slid_along(self.flows[i])):
-                raise Undefined("a flow ends where it began: its duration goes to zero")
+        # a flow that ends as it begins has none: a little beyond that place it goes backwards
+        if not (duration > 0.0 or duration > -1e-6 * sum(f.duration for f in self.start)):
+            raise Undefined("a flow ends where it began: its duration goes to zero")
         states, rounds = x[layout.nodes[i]], start.rounds
         flight = TrajectorySegment(start.scheme, knots, t, duration, states, start.slopes, rounds)
         if not flight.steps.min() > 0:

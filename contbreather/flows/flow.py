@@ -52,6 +52,10 @@ class Clock:
         # falls with slope -1
         return (self.number + value_at(self.part, p)) * value_at(self.period, p) - t
 
+    def since(self, t: Any, x: Any, p: Params) -> Any:
+        """Return the time since it struck before."""
+        return value_at(self.period, p) - self(t, x, p)
+
     def after(self, t: float, p: Params) -> float:
         """Return the time at which it strikes next."""
         part, period = value_at(self.part, p), value_at(self.period, p)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import contbreather as cb
+from contbreather.continuation.branches.switching import NothingToSwitch
 from contbreather.errors import BadInput
 
 from .zoo import CASES
@@ -85,3 +86,30 @@ def test_a_map_at_each_stroke_has_its_double_multiplier() -> None:
     assert [point.kind for point in line.special] == ["EP", "R2", "EP"]
     assert (line.first("R2")["D"], line.first("R2")["T"]) == pytest.approx((1, -2), abs=1e-9)
     assert not line.doubtful
+
+
+def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> None:
+    """With i from 1/2 to 1 and back, each in one period: b = 3, met from both sides."""
+    flip = cb.trace(converter(1.2), "b", within={"b": (1, 5)}).first("PD")
+    (below,) = cb.switch(flip, within={"b": (1, 5)})
+    skips = cb.cycle([ON, OFF], {"i": 0.7}, {"b": 5.0}, period=PERIOD, settle=300)
+    above = cb.trace(skips, "b", within={"b": (1, 6)}, towards="both")
+    for branch in (below, above):
+        assert [point.kind for point in branch.special if point.kind != "EP"] == ["GR"]
+        assert branch.first("GR")["b"] == pytest.approx(3, abs=1e-12)
+    assert above["b"].min() == above.first("GR")["b"]
+    with pytest.raises(NothingToSwitch, match="in another order"):
+        cb.switch(above.first("GR"))
+
+
+def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -> None:
+    """A current that rises for d, falls at the rate c and rests at 0 until 1, for 1 - d - d/c."""
+    rise = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], at=lambda p: p["d"])
+    fall = cb.Flow(lambda t, x, p: [-p["c"] + 0 * x[0]], until=lambda t, x, p: x[0])
+    rest = cb.Flow(lambda t, x, p: [0 * x[0]], at=0)
+    problem = cb.cycle([rise, fall, rest], {"i": 0.0}, {"c": 2.0, "d": 0.3}, period=1.0, settle=5)
+    collides = cb.trace(problem, "d", within={"d": (0.1, 0.9)}).first("GR")
+    assert collides["d"] == pytest.approx(2 / 3, abs=1e-12)
+    curve = cb.boundary(collides, ("c", "d"), within={"c": (0.5, 4)})
+    assert curve["d"] == pytest.approx(curve["c"] / (1 + curve["c"]), abs=1e-11)
+    assert [curve["c"].min(), curve["c"].max()] == [0.5, 4]
