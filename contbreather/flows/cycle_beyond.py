@@ -166,7 +166,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     flows, flights, turns = unturned(equations.flows, orbit.flights)
     more, short = "guard" in point.detail, SHORTEST * orbit.period
-    rates = paces(equations, orbit.x, p)
+    rates = orbit.paces
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
     system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
     assert system

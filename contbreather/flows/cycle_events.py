@@ -33,7 +33,6 @@ from .flow import Clock, flow_between, plain, slid_along, system_of, value_at, v
 from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
-from .multipliers import paces
 from .rotation import moves
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
@@ -406,7 +405,7 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
 
 def _rates(orbit: Cycle) -> Iterator[Margin]:
     """Measure how fast each condition falls where it ends its flow."""
-    for i, (rate, _) in paces(orbit.equations, orbit.x, orbit.params).items():
+    for i, (rate, _) in orbit.paces.items():
         flow, flight = orbit.equations.flows[i], orbit.flights[i]
         assert flow.until is not None
         system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system  # no change
@@ -435,22 +434,23 @@ def _arrivals(orbit: Cycle) -> Iterator[Margin]:
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:
-    """Measure the share of the orbit of flows that begin where a condition without a reset ended
-    the one before: down to none where the next condition is met at once (a border collision); to
+    """Measure the share of the orbit of flows that begin where a condition ended the one before:
+    down to none where the next condition is met at once (a border collision); without a reset to
     what counts as none where two flows meet at a tangency, for there a flow comes into being as
-    short as the root of how far the parameter is beyond, and where sliding is left at its edge."""
+    short as the root of how far the parameter is beyond, and where sliding is left at its edge.
+    After an impact that is VI, where the next one comes as soon as it has lost its velocity."""
     flows, lengths = [*map(plain, orbit.equations.flows)], orbit.equations.layout.lengths
-    if all(moves(flow) or not flow.until for flow in flows):
+    if len(flows) == 1:
         return
-    rates = paces(orbit.equations, orbit.x, orbit.params)
+    rates = orbit.paces
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         before, after = flows[i - 1], flows[(i + 1) % len(flows)]
         edge = flow_between(before, after) == flow
         leaves = slid_along(before)  # always at a tangency
-        ends = before.until and not moves(before)
         # of its largest rate less than this: all but touched
-        tangent = ends and rates[(i - 1) % len(flows)][1] < 1e-2
-        meets = ends and not system_of(before)
+        touched = before.until and rates[(i - 1) % len(flows)][1] < 1e-2
+        tangent = touched and not moves(before)
+        meets = before.until and not (touched or system_of(before))
         if leaves or tangent or edge or meets:
             collides = not (leaves or tangent or edge)
             none = collides or (edge and slid_along(flow))

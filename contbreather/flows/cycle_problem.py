@@ -31,7 +31,7 @@ from .equations import FlowEquations, equations_of
 from .flow import refuse_false_period
 from .functions import Params
 from .integrate import bottom
-from .multipliers import around, closing_matrix, of_cycle
+from .multipliers import around, closing_matrix, of_cycle, paces
 from .rounds import once, twice
 from .sparse_equations import FEW, SparseFlowEquations
 
@@ -122,6 +122,11 @@ class Cycle(HtmlRepr):
         first = self.flights[0]
         state = dict(zip(self.equations.states, first.states[0].tolist(), strict=False))
         return self.equations.flows, state, self.params, self.period, first.start, 1e-12
+
+    @cached_property
+    def paces(self) -> dict[int, tuple[float, float]]:
+        """How fast conditions fall where they end their flows, also relative to the most."""
+        return paces(self.equations, self.x, self.params)
 
     @cached_property
     def max(self) -> dict[str, float]:

@@ -266,3 +266,21 @@ def test_a_wall_at_the_origin_is_gone_beyond() -> None:
     assert [len(each[1].solution.durations) for each in (branch, four)] == [3, 4]
     assert four[-1].kind == "VI"
     assert four[-1]["w"] == pytest.approx(branch.first("GR2")["w"], abs=1e-8)
+
+
+def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() -> None:
+    """It is thrown where A sin t = 1, and comes back as long after as it sticks there no more: a
+    period later, where A cos t = pi."""
+
+    def table(t: Any, x: Any, p: Any) -> Any:
+        return [p["A"] * np.sin(t), p["A"] * np.cos(t)]
+
+    free = cb.Flow(lambda t, x, p: [x[1], -1.0], lambda t, x, p: x[0] - table(t, x, p)[0], table)
+    stick = cb.Flow(
+        lambda t, x, p: [x[1], -table(t, x, p)[0]], lambda t, x, p: 1 - table(t, x, p)[0], table
+    )
+    start, period = {"y": 0.0, "v": 2.0}, 2 * np.pi
+    ball = cb.cycle([stick, free], start, {"A": 2.0}, period=period, settle=10)
+    branch = cb.trace(ball, "A", within={"A": (1.05, 5)})
+    assert [point.kind for point in branch.special] == ["EP", "GR"]
+    assert branch[-1]["A"] == pytest.approx(np.sqrt(1 + np.pi**2), abs=1e-12)
