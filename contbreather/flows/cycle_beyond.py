@@ -18,7 +18,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Point
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations, equations_of
-from .flow import Flow, Wall, contact_of, flow_between, plain, slid_along, system_of
+from .flow import Clock, Flow, Wall, contact_of, flow_between, plain, slid_along, system_of
 from .functions import values
 from .integrate import bottom
 from .multipliers import paces
@@ -28,6 +28,8 @@ from .rounds import once
 SHORTEST = 2e-6  # of an orbit: a flow as short counts as none; what is off is the square of that
 # one that leaves a surface after sliding is off it by the cube, a fourth root above rounding
 LEAVES = float(np.finfo(float).eps) ** 0.25
+
+_UNKNOWN = "which flows follow there is not known; "
 
 Margin = Callable[[Curve, Array], Array]  # zero at GR, positive where orbits have these flows
 
@@ -105,6 +107,8 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     guard = detail.get("guard", "sliding" if flow_between(before, after) == met else "")
     if point.kind == "SL" and guard == "sliding":
         return _at_edge(point)
+    if "guard" in detail and not more:
+        return _at_collision(point, guard)
     begins = flow if more or point.kind == "VI" else flow - 1  # the flow that meets the wall
     order = [(begins + i) % count for i in range(count)]
     flows, flights = ([of[i] for i in order] for of in (equations.flows, orbit.flights))
@@ -194,6 +198,42 @@ def _at_edge(point: Point) -> SwitchingProblem:
     return _switching(point, made, row, margins if more else margins[::-1])
 
 
+def _at_collision(point: Point, guard: str) -> SwitchingProblem:
+    """Make the cycle with the second flow of a wall that is touched as a flow ends, which comes to
+    be there; or without one that ends as it begins, where a clock that ends it says what follows.
+    """
+    equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
+    flows, flights, turns = unturned(equations.flows, orbit.flights)
+    if more := guard != "until":
+        hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
+    else:
+        hit = flows[i - 1], flows[i]
+    if callable(hit) or not hit[1:]:
+        raise Undefined(f"{_UNKNOWN}give those up to the wall and behind it, walls=([up, behind],)")
+    met = hit[1].struck(flights[i].last, p)
+    if more:
+        known = all(_ends(of, flights[i], 1.0, p) for of in (hit[0].until, met.until))
+    else:
+        known = isinstance(met.until, Clock) and flights[i].duration < SHORTEST * orbit.period
+    if not known or "at once" in point.detail:
+        raise Undefined(f"{_UNKNOWN}where flows begin and end at once they do in another order")
+    if more:
+        parts = [*flows[:i], hit[0].walled(flows[i].walls), met, *flows[i + 1 :]]
+        none = _refitted([flights[i]], [flights[i].last, flights[i].last])
+        pieces = [*flights[: i + 1], *none, *flights[i + 1 :]]
+    else:
+        parts, pieces = list(flows), list(flights)
+        parts[i - 1] = replace(flows[i - 1], until=met.until, reset=met.reset).walled([hit])
+        del parts[i], pieces[i]
+    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
+    parts[-1] = turned_back(parts[-1], turns)
+    made = _made_of(equations, parts, pieces)
+    ended = i if more else (i - 1) % len(flows) - (i == 0)
+    margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
+    row = made.layout.lengths[i + 1] if more else -1
+    return _switching(point, made, row, margins if more else margins[::-1])
+
+
 def _made_of(
     equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
 ) -> FlowEquations:
@@ -222,9 +262,7 @@ def _hit(
     part, reason = detail.get("touch", 1.0), ""
     joins = hit is own and not (system and "touch" in detail)
     following = (list(flows) * 3)[len(hit)] if joins else first
-    if "guard" in detail and "touch" not in detail:
-        reason = "it is touched where a flow begins or ends: there these follow in another order"
-    elif "at once" in detail:
+    if "at once" in detail:
         reason = (
             f"walls are touched at once, {detail['at once']}: orbits that hit one of them alone "
             "begin there, and those that hit all; move a wall a little to follow one contact"
@@ -241,7 +279,7 @@ def _hit(
             "orbits do not go over"
         )
     if reason:
-        raise Undefined(f"which flows follow there is not known; {reason}")
+        raise Undefined(f"{_UNKNOWN}{reason}")
     return hit, walls
 
 
@@ -249,16 +287,22 @@ def _stays(hit: Sequence[Flow], flight: TrajectorySegment, part: float, point: P
     """Tell whether the resets of a contact that only just takes place leave the state, and the flow
     behind the wall ends: a heater that has come on at one level goes off at another."""
     after = x = flight.at(np.array([part]))
-    s, states = flight.sampled(2)
-    t, touched = (flight.start + flight.duration * of for of in (s, part))
+    touched = flight.start + flight.duration * part
     for ending in (flow.until for flow in hit[1:] if flow.until and not system_of(flow)):
-        left, along = (values(ending, *at, point.params) for at in ((touched, x), (t, states)))
-        if abs(left).max() > 1e-6 * abs(along).max():
+        if not _ends(ending, flight, part, point.params):
             return False
     for reset in filter(None, (flow.reset for flow in hit)):
         after = values(reset, touched, after, point.params)
     size = abs(flight.states).max(axis=0)  # of the motion: at a wall at 0 the state itself has none
     return after.shape == x.shape and bool((abs(after - x)[:, 0] <= 1e-6 * size).all())
+
+
+def _ends(until: Any, flight: TrajectorySegment, part: float, p: Any) -> bool:
+    """Tell whether a condition is zero at a part of a flight, relative to what it is along it."""
+    s, states = flight.sampled(2)
+    places = (part, flight.at(np.array([part]))), (s, states)
+    left, along = (values(until, flight.start + flight.duration * at, x, p) for at, x in places)
+    return bool(abs(left).max() <= 1e-6 * abs(along).max())
 
 
 def _added(

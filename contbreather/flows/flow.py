@@ -182,12 +182,14 @@ class Flow:
         return replace(self, walls=(*self.walls, *(w for w in walls if _guard(w) not in had)))
 
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
-        """Give its clock the period of which it strikes a part."""
-        if not isinstance(self.until, Clock) or self.until.period is not None:
-            return self
-        if period is None:
-            raise BadInput("a flow ends `at` a part of the period; period= was not given")
-        return replace(self, until=replace(self.until, period=period))
+        """Give its clock, and those of its walls, the period of which they strike a part."""
+        clock = self.until
+        if isinstance(clock, Clock) and clock.period is None:
+            if period is None:
+                raise BadInput("a flow ends `at` a part of the period; period= was not given")
+            clock = replace(clock, period=period)
+        walls = (w if callable(w) else tuple(flow.timed(period) for flow in w) for w in self.walls)
+        return replace(self, until=clock, walls=tuple(walls))
 
     def struck(self, t: float, p: Params) -> Flow:
         """Set the clock to the period in which it strikes at a time."""

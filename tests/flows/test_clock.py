@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -113,3 +115,25 @@ def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -
     curve = cb.boundary(collides, ("c", "d"), within={"c": (0.5, 4)})
     assert curve["d"] == pytest.approx(curve["c"] / (1 + curve["c"]), abs=1e-11)
     assert [curve["c"].min(), curve["c"].max()] == [0.5, 4]
+
+
+def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
+    """A smoothed voltage and a current that falls to 0 as the clock strikes: both ways lead on."""
+
+    def field(on: float) -> Any:
+        return lambda t, x, p: [on - x[1], x[0] - x[1] / p["R"]]
+
+    fall = cb.Flow(field(0), until=lambda t, x, p: x[0])
+    rest = cb.Flow(lambda t, x, p: [0 * x[0], -x[1] / p["R"]], at=0)
+    start, span = {"i": 0.2, "v": 0.5}, {"R": (1, 8)}
+    flows = cb.Flow(field(1), at=0.4), cb.Flow(field(0), at=0, walls=([fall, rest],))
+    falls = cb.cycle(flows, start, {"R": 2.0}, period=1.0, settle=99)
+    rests = cb.cycle([flows[0], fall, rest], start, {"R": 6.0}, period=1.0, settle=99)
+    branches = [cb.trace(of, "R", within=span, towards="both") for of in (falls, rests)]
+    arms = [cb.switch(branch.first("GR"), within=span)[0] for branch in branches]
+    for arm, branch, pieces in zip(arms, branches[::-1], (3, 2), strict=True):
+        assert arm[0]["beyond"] == "persists"
+        assert len(arm[-1].solution.flights) == pieces
+        assert arm[0]["R"] == pytest.approx(branch.first("GR")["R"], abs=1e-11)
+        (same,) = (point for point in branch if point["R"] == arm[-1]["R"])
+        assert arm[-1]["max(i)"] == pytest.approx(same["max(i)"], abs=1e-10)
