@@ -159,7 +159,7 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """By the triangular factors R of ``A_j Q_j = Q_{j+1} R_j``: their product is similar to that of
     the A once Q has come around to itself, but for blocks of multipliers of about one size."""
     n = len(factors[0])
-    basis, sizes, blocks, cuts = np.eye(n), np.zeros(n), [slice(0, n)], [0]
+    basis, sizes, cuts = np.eye(n), np.zeros(n), [0]
     for _ in range(40):  # directions so far apart settle in six
         before, rounds, earlier = basis, [], cuts
         for factor in factors:
@@ -169,10 +169,12 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         turned = before.T @ basis
         # told apart; the small ones come first where a subspace of them stays as it is
         cuts = [i for i in range(1, n) if abs(sizes[i] - sizes[i - 1]) > np.log(1e3)]
-        blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
+        # of a pair that turns each round stretches one direction far more than the other: one block
+        stay = [i for i in cuts if abs(turned[i:, :i]).max() < 1e-13]
         # where the order changes, as along a state that all but dies out, all look alike once
-        if cuts == earlier and all(abs(turned[b:, :b]).max() < 1e-13 for b in cuts):
+        if cuts == earlier == stay:
             break
+    blocks = [slice(a, b) for a, b in itertools.pairwise([0, *stay, n])]
     mu = []
     for block in blocks:
         product, scale = turned[block, block], 0.0

@@ -102,6 +102,18 @@ def test_what_dies_out_leaves_the_multiplier_of_what_does_not_its_digits() -> No
         assert at.solution.others[1] == pytest.approx(known, rel=1e-9)
 
 
+def test_a_pair_that_turns_and_stretches_one_way_far_more_than_the_other_stays_a_pair() -> None:
+    """Kicks (u, v) -> (5e4 v, -u) once a period, beside what has decayed by then: +-i sqrt(5e4)."""
+    kicked = cb.Flow(
+        lambda t, x, p: [0 * x[0], 0 * x[1], p["F"] - 30 * x[2]],
+        at=0, reset=lambda t, x, p: [5e4 * x[1], -x[0], x[2]],
+    )  # fmt: skip
+    rest = cb.cycle(kicked, {"u": 0.0, "v": 0.0, "w": 1 / 30}, {"F": 1.0}, period=1.0)
+    mu = cycle_of(rest).multipliers
+    assert mu[:2].imag * [1, -1] == pytest.approx(math.sqrt(5e4) * np.ones(2), rel=1e-9)
+    assert abs(mu[:2].real).max() < 1e-9
+
+
 def test_a_start_far_off_the_orbit_is_followed_until_it_is_there() -> None:
     """Where it began it never comes back to: what comes after the first wait is looked at."""
 
