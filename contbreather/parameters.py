@@ -8,7 +8,7 @@ in distances d of a wall, times in 1/Omega of the drive. No numerics are loaded:
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -173,6 +173,17 @@ def window_of(name: str, omega: float = 1.0) -> tuple[float, float]:
     unit = omega ** POWERS.get(name, 0)
     low, high = NUMBERS[name].window or NUMBERS[name].domain
     return unit * low, unit * high
+
+
+def windows_of(
+    pair: tuple[str, str], given: Mapping[str, tuple[float, float]], omega: float = 1.0
+) -> dict[str, tuple[float, float]]:
+    """Windows of two parameters, the default ones where none is given; beside omega, where it is
+    the first, that of the other is that of its highest value."""
+    first, second = pair
+    span = given.get(first) or window_of(first, omega)
+    highest = span[1] if first == "omega" else omega
+    return {first: span, second: given.get(second) or window_of(second, highest)}
 
 
 def table() -> Iterator[tuple[str, str, str, str, str]]:

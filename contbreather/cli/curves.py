@@ -37,7 +37,7 @@ from contbreather.cli.output import (
 )
 from contbreather.cli.process import until_interrupted
 from contbreather.errors import BadInput, NotConverged
-from contbreather.parameters import NAMES, NEEDED, window_of
+from contbreather.parameters import NAMES, NEEDED, windows_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -203,9 +203,7 @@ def boundary(
     """
     into.check(where.read)
     axes.check(into.output)
-    first, second = pair
-    omega = where.omega or 1.0
-    within = {first: window or window_of(first, omega), second: window_of(second, omega)}
+    within = windows_of(pair, {pair[0]: window} if window else {}, where.omega or 1.0)
     steps = sizes.steps(largest=0.02)
     seed = cb.orbits.find_event(
         kind.upper(), pair, within=within, threshold=rule.threshold,

@@ -27,7 +27,7 @@ from contbreather.orbits.closed_form import symmetric
 from contbreather.orbits.closure import smallest_amplitude
 from contbreather.orbits.orbit import Orbit, orbit_of
 from contbreather.orbits.zone_search import up_to_the_fold
-from contbreather.parameters import NAMES, NEEDED, NUMBERS, OPTIONAL, window_of
+from contbreather.parameters import NAMES, NEEDED, NUMBERS, OPTIONAL, windows_of
 from contbreather.stability.verdict import THRESHOLD, threshold_on
 
 REACH = 10.0  # how far a window without end is looked at
@@ -200,9 +200,8 @@ def find_event(
             f"threshold = {threshold:g}: PD is found on arms, which are judged by the paper's "
             f"{THRESHOLD}; leave it out"
         )
-    checked = windows(within)
     omega = conditions.get("omega", 1.0)
-    span, reach = (checked.get(name) or window_of(name, omega) for name in pair)
+    span, reach = windows_of((first, free), windows(within), omega).values()
     reason, refusal = "", None
     for value in _combed(first, conditions.get(first), span):
         try:

@@ -83,6 +83,15 @@ def test_a_first_point_is_looked_for_in_the_middle_or_where_that_is_said() -> No
             find_event("LP", **plane, gamma=beyond)
 
 
+def test_beside_omega_couplings_are_looked_at_up_to_the_band_of_its_highest_value() -> None:
+    """At omega = 1.55, the first value looked at, GR is at gamma = 0.56."""
+    found = find_event("GR", ("omega", "gamma"), a=0.7, k=0.8)
+    unit = found["omega"] ** 2
+    own = find_event("GR", ("gamma", "a"), gamma=found["gamma"] / unit, k=0.8)
+    assert found["gamma"] > 0.25
+    assert own["a"] * unit == pytest.approx(0.7, abs=1e-10)
+
+
 def test_solutions_are_chosen_by_number_from_one() -> None:
     both = cb.orbits.symmetric_roots(0.5, 0.1, 0.8)
     assert find_symmetric("a", (0.5, 0.5), gamma=0.1, k=0.8, root=2).p == both[1].p
