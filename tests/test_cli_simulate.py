@@ -83,6 +83,8 @@ def test_length_is_said_as_it_was(run, periods, length, few):
     _, out, _ = run(f"{STABLE} --sites 4 --periods {periods}")
     assert out.startswith(f"Ring of 4, rigid walls, {length}\n")
     assert f"No verdict: {few}, give at least 100." in out
+    out = run(f"{STABLE} --sites 4 --periods {periods} --json")[1]
+    assert json.loads(out)["periods"] == float(periods)
 
 
 # --- starts ---------------------------------------------------------------------------------------

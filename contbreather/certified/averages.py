@@ -164,8 +164,8 @@ def check_forcing(forcing: Forcing) -> None:
     """Refuse a forcing whose coefficients are not exactly known."""
     if not isinstance(forcing, Harmonic | Fourier):
         raise BadInput(
-            f"certify() knows Harmonic() and Fourier(...), whose coefficients are exact; those of "
-            f"{forcing.describe()} are rounded: give the harmonics by Fourier."
+            "a proof takes Harmonic() or, in Python, Fourier(...), whose coefficients are exact; "
+            f"those of {forcing.describe()} are rounded: give the harmonics by Fourier."
         )
 
 

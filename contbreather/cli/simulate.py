@@ -331,6 +331,7 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
         verdict, run, c = summary.judge(), summary.run, summary.run.conditions
         numbers = params or {name: getattr(c, name) for name in NEEDED if hasattr(c, name)}
         counts = summary.by_site
+        length = float(run.length)
         hits = {} if counts is None else {"total": sum(counts.values()), "by_site": counts}
         return {
             **numbers,
@@ -339,7 +340,7 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
             "m": getattr(c, "m", None),
             "lattice": c.lattice.describe(),
             "sites": run.sites,
-            "periods": summary.periods,
+            "periods": summary.periods if summary.stream or length.is_integer() else length,
             "stop": summary.stop,
             "interrupted": summary.interrupted,
             "noise": getattr(run, "noise", 0.0),

@@ -256,7 +256,9 @@ def _check(subject: str, at: str, spectrum: ComplexArray, row: FloatArray, resol
             "steep a flank?); give the harmonics you mean with Fourier."
         )
     if not periodic:
-        raise BadInput(f"{subject} is not 2 pi periodic.")
+        raise BadInput(
+            f"{subject} is not 2 pi periodic: t is the phase of the drive, and omega its frequency."
+        )
     if not lopsided:
         spectrum[::2] = 0.0
 

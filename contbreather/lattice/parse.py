@@ -161,7 +161,7 @@ def _of_site(text: str) -> tuple[int, Any]:
 def _ends(words: str, text: str) -> Any:
     """A number, a pair or, of more, a list of them."""
     try:
-        ends = [None if word == "none" else float(word) for word in words.split(",")]
+        ends = [None if word.lower() == "none" else float(word) for word in words.split(",")]
     except ValueError as error:
         raise BadInput(
             f"--walls {text}: LOW,HIGH is expected, for instance -1,1, or a number for each site; "

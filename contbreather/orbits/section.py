@@ -266,8 +266,8 @@ def check_possible(section: Section, on: Conditions) -> None:
     if section.symmetric and not on.walls.symmetric:
         raise BadInput(
             "the walls are not symmetric, so no orbit is its own mirror image half a period "
-            "later: there is no half section and no pitchfork; shoot the whole period, "
-            "shooting(..., symmetric=False)."
+            "later: there is no half section and no pitchfork; shoot the whole period in "
+            "Python, shooting(..., symmetric=False)."
         )
     if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why

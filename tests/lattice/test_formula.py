@@ -194,7 +194,7 @@ REFUSED = {
     "((cos(t)**99)**99)**99": "not resolved by 2048 harmonics",
     "cos(9999999*t)": "not resolved by 2048 harmonics",
     "cos(1e300*t)": "not 2 pi periodic",
-    "cos(1.5*t)": "not 2 pi periodic",
+    "cos(1.5*t)": "not 2 pi periodic: t is the phase of the drive, and omega its frequency",
     "exp(1000*cos(t))*cos(t)": "not a finite real number at every t",
     "sinh(700*cos(t))": "reaches 5.1e[+]303, too large",
     "not cos(t)": "holds 'not cos[(]t[)]'",

@@ -123,7 +123,7 @@ def windows(within: Within | None) -> dict[str, tuple[float, float]]:
         if math.isnan(low) or math.isnan(high):
             raise BadInput(
                 f"the window of {name!r} must be a pair (low, high) of numbers, got {window!r}; "
-                "math.inf leaves a side open"
+                "infinity leaves a side open"
             )
         pairs[name] = low, high
     return pairs
