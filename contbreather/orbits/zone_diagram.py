@@ -21,6 +21,7 @@ from contbreather.continuation.curve.point import CodimensionTwo, Point
 from contbreather.continuation.curve.settings import windows
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, ContbreatherError, NoSolution
+from contbreather.lattice.conditions import check_drive
 from contbreather.lattice.finite import highest_k
 from contbreather.lattice.response import Resonance
 from contbreather.orbits.by_impacts import ByImpacts
@@ -297,7 +298,8 @@ def _keeps_off(breather: Orbit) -> bool:
 
 def _roots(at: Mapping[str, float], **model: Any) -> tuple[Orbit, ...]:
     """Roots of (11), admissible or not."""
-    try:  # below the fold (14) no impulse solves (11)
+    try:  # below the fold (14) no impulse solves (11), nor with the drive in the band
+        check_drive(at.get("omega", 1.0), at["gamma"], model.get("spring"), model["lattice"])
         return tuple(symmetric_roots(**{**at, **model}))
     except (NoSolution, Resonance):
         return ()

@@ -128,6 +128,10 @@ class ZoneSearch:
             raise BadInput(
                 f"no breather at {at} for {searched}; widen the window, or choose another value"
             )
+        # one that passes between two values of the comb leaves by an edge of the window
+        for y in self.within[self.pair[1]]:
+            if math.isfinite(y) and (y > 0.0 or self.pair[1] != "a"):  # no forcing, no breather
+                self._scan(y, shown, axis=1)
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
         # between them, where one that leads from meeting to meeting has to pass
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
@@ -140,15 +144,15 @@ class ZoneSearch:
             if low <= x <= high:
                 self._scan(x, shown)
 
-    def _scan(self, x: float, shown: Counter) -> bool:
-        """Follow every new event of admissible breathers at one value of the first parameter."""
-        at = {**self.held, self.name: self.value, self.pair[0]: x}
-        pieces = self._row(at)
+    def _scan(self, x: float, shown: Counter, axis: int = 0) -> bool:
+        """Follow every new event of admissible breathers at one value of a parameter, the first."""
+        at, free = {**self.held, self.name: self.value, self.pair[axis]: x}, self.pair[1 - axis]
+        pieces = None if axis else self._row(at)
         if pieces is None:
-            branches = self._branches(at, shown)
+            branches = self._branches(at, free, shown)
         else:
             new = (p for p in pieces if not p.is_known(self.within["a"][0], self._passes))
-            branches = (self._branch(piece.middle.solution, shown) for piece in new)
+            branches = (self._branch(piece.middle.solution, free, shown) for piece in new)
         looked_at = bool(pieces)
         for branch in branches:
             looked_at = True
@@ -201,21 +205,21 @@ class ZoneSearch:
                 self.events = tuple(map(up_to_the_fold, self.events))
         return problem
 
-    def _branches(self, at: Mapping[str, float], shown: Counter) -> Iterator[Branch]:
-        """Branches of admissible breathers in the second parameter at one value of the first."""
-        free, passed = self.pair[1], list[Branch]()
-        for y in (*self._comb(free, at.get("omega")), *self._next_to_folds(at)):
+    def _branches(self, at: Mapping[str, float], free: str, shown: Counter) -> Iterator[Branch]:
+        """Branches of admissible breathers in one parameter at one value of the other."""
+        passed = list[Branch]()
+        for y in (*self._comb(free, at.get("omega")), *self._next_to_folds(at, free)):
             for breather in admissible_roots({**at, free: y}, **self.model):
                 if not self.past_folds and breather.representation.family != "upper":
                     continue  # beyond the fold that ends the diagram
                 place = {free: y, "p": breather.p, "phi": breather.phi, "t1": breather.phi}
                 # a breather this close to a branch, whose chords are long, is one of it
                 if not any(_on_curve(b, place, (free,), 3e-3) for b in passed):
-                    passed.append(self._branch(breather, shown))
+                    passed.append(self._branch(breather, free, shown))
                     yield passed[-1]
 
-    def _branch(self, breather: Orbit, shown: Counter) -> Branch:
-        free, problem = self.pair[1], self._problem(breather)
+    def _branch(self, breather: Orbit, free: str, shown: Counter) -> Branch:
+        problem = self._problem(breather)
         return trace(
             problem, free, within={free: self.within[free]}, events=self.events,
             steps=Steps(first=0.02, largest=0.1), progress=shown,
@@ -231,9 +235,9 @@ class ZoneSearch:
         values = [low, *inside, high] if len(inside) >= 7 else np.linspace(low, high, 9).tolist()
         return [value for value in values if value > 0 or name != "a"]  # no forcing, no breather
 
-    def _next_to_folds(self, at: Mapping[str, float]) -> list[float]:
+    def _next_to_folds(self, at: Mapping[str, float], free: str) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
-        if self.pair[1] != "a" or {"damping", "omega"} & {*self.model, *at}:
+        if free != "a" or {"damping", "omega"} & {*self.model, *at}:
             return []
         amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]

@@ -174,6 +174,27 @@ def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings() -> None:
         assert there["gamma"] == pytest.approx(here["gamma"], abs=1e-9)
 
 
+def test_a_curve_that_passes_between_two_values_of_the_comb_is_found_at_the_edges() -> None:
+    """LP from omega = 2.117 on, by eq. (14) and in units of omega, and PF below gamma = 0.007."""
+    (fold,) = cb.zones(k=0.65, a=0.6)["LP"]
+    unit = fold["omega"] ** 2
+    own = [smallest_amplitude(gamma, 0.65) for gamma in fold["gamma"] / unit]
+    np.testing.assert_allclose(own * unit, 0.6, rtol=1e-11)
+    assert fold["gamma"][[0, -1]].tolist() == [0.0, 0.2499]
+    (line,) = cb.zones(k=0.8, within={"a": (0.695, 0.705), "gamma": (0.0, 0.1)})["PF"]
+    sigma, chi = ([f(x) for x in line["gamma"]] for f in (CHAIN.sigma, CHAIN.chi))
+    own = np.hypot(1 / 9, 2 * np.array(sigma)) / (np.array(chi) - 2 * np.array(sigma))
+    np.testing.assert_allclose(line["a"], own, rtol=1e-11)
+    np.testing.assert_allclose(line["a"][[0, -1]], [0.695, 0.705], rtol=1e-11)
+
+
+def test_couplings_above_a_quarter_have_a_plane_of_omega() -> None:
+    """At omega = 1, which is in the comb, the drive is in the band: no breather, no refusal."""
+    diagram = cb.zones(k=0.8, gamma=0.3)
+    assert diagram.unstable(1.0, 0.5) is None
+    assert {*diagram.meetings()} == {"NS-LP", "NS-GR", "PF-GR"}
+
+
 def test_windows_narrow_the_search_and_empty_ones_are_refused() -> None:
     narrow = cb.zones(k=0.8, within={"gamma": (0.0, 0.05)})
     assert narrow.curves["LP"][0]["gamma"].max() == 0.05
@@ -489,7 +510,7 @@ def test_regions_go_on_to_the_edge_of_the_search_where_no_curve_does() -> None:
 
 
 def test_zones_without_a_curve_say_that_there_is_nothing_to_draw() -> None:
-    empty = cb.zones(k=0.8, within={"a": (0.3, 0.301)})
+    empty = cb.zones(k=0.8, within={"a": (0.3, 0.301), "gamma": (0.0, 0.05)})
     assert empty.regions == empty.regions_of(((0.0, 0.2), (0.0, 1.0))) == ()
     with pytest.raises(cb.BadInput, match="this zone diagram has no curve"):
         empty.unstable(0.1, 0.5)
