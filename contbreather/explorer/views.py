@@ -166,8 +166,11 @@ class ZonesView:
         shaded = [region for region in drawn.regions if region.verdict and not drawn.interrupted]
         lines = {kind: [_line(drawn, branch) for branch in drawn[kind]] for kind in self.curves}
         _fill(self.regions, (self._region(region) for region in shaded))
-        for kind, source in self.curves.items():
+        for (kind, source), item in zip(
+            self.curves.items(), self.figure.legend[0].items, strict=True
+        ):
             _fill(source, (line.T for line in lines[kind]))
+            item.visible = bool(lines[kind])
         _fill(self.letters, ((region.x, region.y, region.verdict) for region in shaded))
         x, y = drawn.pair
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)

@@ -74,6 +74,8 @@ def test_the_diagram_is_drawn_where_it_is_and_a_region_has_its_holes(diagram: An
         assert line.glyph.line_color == LINES[kind]["color"]
     dashes = [line.glyph.line_dash for line in words.values()]
     assert dashes == ["solid", "dashed", "dashdot", "solid"]
+    view.show(replace(diagram, curves={**diagram.curves, "PF": ()}))
+    assert [one.visible for one in view.figure.legend[0].items] == [True, True, False, True]
 
 
 def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> None:
