@@ -295,10 +295,10 @@ def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Mat
     that of
 
         | M - mu  f |
-        |  f^T    0 |
+        |  e^T    0 |
 
-    which is ``-det(M - mu) |f|^2 / (1 - mu)``: the trivial multiplier is taken out, and where
-    another one joins it, at a fold, 1 is a simple zero.
+    with e along f, which is ``-det(M - mu) e.f / (1 - mu)``: the trivial multiplier is taken out,
+    and where another one joins it, at a fold, 1 is a simple zero.
     """
     layout = equations.layout
     square = matrix[:, : layout.size].astype(type(mu))
@@ -311,7 +311,10 @@ def closing_matrix(equations: FlowEquations, matrix: Matrix, mu: complex) -> Mat
     for i in endless if equations.autonomous else ():
         square[layout.lengths[i]] = 0.0
         if i == endless[-1]:  # its length is free, and brings back to the section
-            square[layout.lengths[i], start] = square[layout.last, layout.lengths[i]].T
+            back = square[layout.last, layout.lengths[i]]
+            # with its largest entry 1: beside an equilibrium, where f^T vanishes as well, |f|^2 is
+            # as small as what a pair is off mu by
+            square[layout.lengths[i], start] = back.T / (abs(back).max() or 1.0)
         else:
             square[layout.lengths[i], layout.lengths[i]] = 1.0
     if equations.phased:

@@ -297,6 +297,24 @@ def driven(t, x, p):
     return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
 
 
+def test_a_curve_of_tori_ends_where_two_hopf_points_meet() -> None:
+    """On r^2 = m1 a pair turns by sqrt(2) and grows at the rate m2 - 0.7 r^2: tori set out on
+    m2 = 0.7 m1, down to the equilibrium. The same orbits half a turn later would lead back."""
+
+    def two_pairs(t, X, p):
+        (x, y, u, v), turn = X, math.sqrt(2)
+        g, h = p["m1"] - x * x - y * y, p["m2"] - 0.7 * (x * x + y * y)
+        g = g - u * u - v * v
+        return [g * x - y, g * y + x, h * u - turn * v, h * v + turn * u]
+
+    start = {"x": 0.7, "y": 0.0, "u": 0.0, "v": 0.0}
+    first = cb.cycle(two_pairs, start, {"m1": 0.5, "m2": -0.3}, settle=40)
+    torus = cb.trace(first, "m2", within={"m2": (-0.3, 2.0)}).first("NS")
+    line = cb.boundary(torus, ("m1", "m2"), within={"m1": (-1, 1), "m2": (-1, 2)})
+    assert [point.kind for point in line.special] == ["NS-HB", "EP"]
+    assert abs(line["m2"] - 0.7 * line["m1"]).max() < 1e-10
+
+
 def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     """At R1 the equations are those of a fold, too. Without forcing the curve ends at the same
     place, and the trivial multiplier and that of the fold are a pair at 1 all along the folds."""
