@@ -508,9 +508,10 @@ class FlowEquations:
     def swing(self) -> Array:
         """The row that measures the swing of an orbit the way it did at first, relative to its
         size."""
-        first = self.start[0].states
+        first = self.start[0].states / self.units
         way = first - first.mean(axis=0)
-        return np.asarray(way / math.sqrt((way * way).sum() * (first * first).sum())).ravel()
+        size = math.sqrt((way * way).sum() * (first * first).sum())
+        return np.asarray(way / size / self.units).ravel()
 
     @cached_property
     def _phase(self) -> Array:

@@ -303,6 +303,20 @@ def test_scales_of_an_equilibrium_are_those_of_its_cycles_too() -> None:
     assert cycles.first("LP")["p"] * 1e6 == pytest.approx(88.2932505, abs=1e-6)
 
 
+def test_scales_tell_how_small_a_cycle_is_that_shrinks_to_its_hopf_point() -> None:
+    def f(t, x, p):  # r^2 = m (1 - m) around (1, 0), one state in thousands
+        a, b = x[0] - 1, x[1] / 1e3
+        g = p["m"] * (1 - p["m"]) - a * a - b * b
+        return [g * a - b, 1e3 * (g * b + a)]
+
+    rest = cb.equilibrium(f, {"u": 1.0, "v": 0.0}, {"m": -0.5}, scales={"v": 1e3})
+    hopf = cb.trace(rest, "m", within={"m": (-0.5, 0.5)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"m": (-0.5, 1.5)})
+    assert [point.kind for point in cycles.special] == ["EP", "HB"]
+    assert not cycles.doubtful
+    assert abs(cycles[-1]["m"] - 1) < 1e-8
+
+
 def test_scales_that_are_none_are_refused() -> None:
     with pytest.raises(BadInput, match="no state or parameter is called so; there are"):
         rotation(1.2, 0.3, scales={"u": 1.0})
