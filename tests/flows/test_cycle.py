@@ -447,6 +447,21 @@ def test_the_curve_of_a_touch_ends_where_its_flow_does() -> None:
     assert line.reason == "the domain of touch ends at 1"
 
 
+def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> None:
+    """A driven integrate-and-fire neuron touches its threshold at its spike, I - A = 1 at the
+    trough of the drive: an inflection, where I - A/(1 + w^2) = 1/(1 - 1/e) for one spike a turn."""
+    fires = cb.Flow(
+        lambda t, x, p: [p["I"] - x[0] + p["A"] * np.sin(TAU * t)],
+        until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]],
+    )  # fmt: skip
+    neuron = cb.cycle([fires], {"x": 0.3}, {"I": 1.54, "A": 0.4}, period=1.0, settle=60)
+    touch = cb.trace(neuron, "A", within={"A": (0.1, 5)}).first("GR")
+    line = cb.boundary(touch, ("A", "I"), within={"A": (0, 5)}, events=())
+    last = min((line[0], line[-1]), key=lambda point: point["A"])
+    inflection = (1 / (1 - math.exp(-1)) - 1) * (1 + TAU**-2)
+    assert [last["A"], last["I"] - 1] == pytest.approx([inflection, inflection], abs=2e-4)
+
+
 @pytest.mark.parametrize(
     ("name", "limit"),  # y' = a - y from b on for a time of 1
     [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
