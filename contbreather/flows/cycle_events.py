@@ -20,7 +20,14 @@ from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import linked, unresolved
 from ..continuation.curve.curve import Curve
-from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
+from ..continuation.curve.point import (
+    NOTHING,
+    CodimensionTwo,
+    DefiningSystem,
+    Event,
+    Examined,
+    Point,
+)
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, branch_point_test, crossing_event
 from ..continuation.systems.defining_systems import Singular, least_in_unknowns
@@ -166,44 +173,77 @@ AT_ONCE = 1e-8  # of margins: what is as close to a wall touches it as well
 
 class Margin(NamedTuple):
     """Distance of an orbit from one end of its branch, the equations of the end, a sentence, the
-    flow that comes to it, and which of its guards does."""
+    flow that comes to it, which of its guards does, and where in the flow."""
 
     value: float
     system: Callable[[], DefiningSystem]
     said: str
     flow: int
     guard: str = ""
+    place: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Nearest:
     """Test of an event: the least of some margins of an orbit."""
 
+    kind: str
     margins: Callable[[Cycle], Iterable[Margin]]
 
     def __call__(self, point: Point) -> float:
-        margins = self.margins(point.base_point.solution)
-        return min((margin.value for margin in margins), default=math.nan)
+        return min((margin.value for margin in self._of(point)), default=math.nan)
 
     def locus(self, point: Point) -> DefiningSystem:
-        return self._least(point).system()
+        beside = _Beside(self.kind, self.margins, self._least(point))
+        once = beside(point) < AT_ONCE  # by a symmetry, all along
+        return beside.followed.system() if once else beside.system()
 
     def examine(self, point: Point) -> Examined:
         least = self._least(point)
         guard = {"guard": least.guard} if least.guard else {}
         # by a symmetry others come to their ends with it
         others = self.margins(point.base_point.solution)
-        once = [other.said for other in others if other.value < AT_ONCE and other.guard]
-        more = {"at once": "; ".join(once)} if len(once) > 1 else {}
+        once = {
+            (other.flow, other.guard): other.said
+            for other in others
+            if other.value < AT_ONCE and other.guard
+        }
+        more = {"at once": "; ".join(once.values())} if len(once) > 1 else {}
         return {"said": least.said, "flow": least.flow, **guard, **more}
 
+    def event(self) -> Event:
+        return Event(self.kind, self, locus=self.locus, examine=self.examine, ends="domain")
+
+    def _of(self, point: Point) -> Iterable[Margin]:
+        return self.margins(point.base_point.solution)
+
     def _least(self, point: Point) -> Margin:
-        return min(self.margins(point.base_point.solution), key=lambda margin: margin.value)
+        return min(self._of(point), key=lambda margin: margin.value)
 
 
-def _event(kind: str, margins: Callable[[Cycle], Iterable[Margin]]) -> Event:
-    nearest = _Nearest(margins)
-    return Event(kind, nearest, locus=nearest.locus, examine=nearest.examine, ends="domain")
+@dataclass(frozen=True, eq=False)
+class _Beside(_Nearest):
+    """Test of what ends a curve of such an event: the least of all other margins."""
+
+    followed: Margin
+
+    def system(self) -> DefiningSystem:
+        """The equations of what is followed, with the end of its curve."""
+        kind, base = f"{self.kind}-{self.kind}", self.event()
+        met = CodimensionTwo(kind, self, examine=self.examine, ends="domain", base=base)
+        return replace(self.followed.system(), events=(met,))
+
+    def locus(self, point: Point) -> DefiningSystem:
+        return replace(self, followed=self._least(point)).system()
+
+    def _of(self, point: Point) -> Iterable[Margin]:
+        orbit: Cycle = point.base_point.solution
+        margins, slot = [*self.margins(orbit)], point.curve.slots.get("touch")
+        place = self.followed.place if slot is None else float(point.z[slot])
+        own = [m for m in margins if (m.flow, m.guard) == (self.followed.flow, self.followed.guard)]
+        turn = 1.0 if _goes_round(orbit.equations) else math.inf
+        gone = min(own, key=lambda m: abs(math.remainder(m.place - place, turn)), default=None)
+        return [margin for margin in margins if margin is not gone]
 
 
 def _goes_round(equations: FlowEquations) -> bool:
@@ -296,6 +336,7 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
     """Find where an orbit comes closest to each wall of its flows, at the ends of these, too, and
     to the condition that ends one before it does."""
     flows, short = orbit.equations.flows, SHORTEST * orbit.period
+    around = _goes_round(orbit.equations)
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
         sampled = flight.sampled(8)  # into each interval for a wall that is touched
         for name, wall in flow.guards.items():
@@ -313,7 +354,7 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             beside = values(wall, t, np.nextafter(states, math.inf), orbit.params)[0]
             # of what it is a difference of, too: a flow that shrinks to nothing stays next to it
             size = max(abs(v).max(), abs(beside - v).max() / np.finfo(float).eps)
-            height = partial(_height, wall, flight, orbit.params)
+            height = partial(_height, wall, flight, orbit.params, around)
             # without a reset it begins where another ended: the walls of sliding are zero there
             before = flows[i - 1]
             if ends:
@@ -327,20 +368,29 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             places = [] if slides or leaves else [s[v.argmax()]]
             least = 2 * LEAVES * orbit.period if leaves else short if slides else 0.0
             none = flight.duration < least  # of one that hardly lasts all places are low
-            for j in [] if none else _lows(v, s, size, begins, ends):
+            if around:  # what is low where it begins is so where it ends
+                s, v = np.append(s[-2] - 1, s), np.append(v[-2], v)
+            for j in [] if none else _lows(v, s, size, begins and not around, ends, around):
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])
+            places = [at % 1.0 if around else at for at in places]
             if not places:
                 continue
-            off = height(np.array(places))
-            at = float(places[int(off.argmin())])
-            yield Touch(float(off.min()), i, at, flight.start + flight.duration * at, name)
+            for at, off in zip(places, height(np.array(places)).tolist(), strict=True):
+                yield Touch(off, i, float(at), flight.start + flight.duration * at, name)
 
 
 def _height(
-    wall: Function, flight: TrajectorySegment, p: Params, s: Array, divided: bool = False
+    wall: Function,
+    flight: TrajectorySegment,
+    p: Params,
+    around: bool,
+    s: Array,
+    divided: bool = False,
 ) -> Array:
-    """Evaluate a wall along a flight; divided by 1 - s where it ends the flow, but there."""
+    """Evaluate a wall along a flight, that goes around where its orbit does; divided by 1 - s where
+    it ends the flow, but there."""
+    s = s % 1.0 if around else s
     v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
     return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
 
@@ -367,7 +417,7 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
     return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
 
 
-def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool) -> list[int]:
+def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool, around: bool) -> list[int]:
     """Find the minima of a wall, those at the two ends of its flow among them.
 
     What ends the flow is zero there, so that is divided out: where it is touched before, v = 0 and
@@ -381,7 +431,7 @@ def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool) -> list[int
     # less deep is rounding
     low = (v <= beside[:-2]) & (v < beside[2:]) & (depth > 1e-12 * size)
     low[0] &= begins
-    low[-1] &= not ends
+    low[-1] &= not (ends or around)
     return [int(j) for j in np.flatnonzero(low)]
 
 
@@ -410,7 +460,7 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
         elif touch.place in (0.0, 1.0) and not _goes_round(orbit.equations):
             system = partial(reached(touch.place, slice(1)).system)
         said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
-        yield Margin(touch.clearance, system, said, touch.flow, touch.guard)
+        yield Margin(touch.clearance, system, said, touch.flow, touch.guard, touch.place)
 
 
 def _rates(orbit: Cycle) -> Iterator[Margin]:
@@ -488,9 +538,9 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     if equations.autonomous:  # beyond its conditions an orbit that meets them may shrink, too
         events += [_SHRUNK, HOMOCLINIC, _LOST]
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
-        events += [_event("VI", _rates), _event("GR", _clearances)]
+        events += [_Nearest("VI", _rates).event(), _Nearest("GR", _clearances).event()]
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))
         slides = any(map(system_of, met))
-        events.append(_event("SL" if slides else "GR", _shares))
-        events += [_event("SL", _arrivals)] if slides else []
+        events.append(_Nearest("SL" if slides else "GR", _shares).event())
+        events += [_Nearest("SL", _arrivals).event()] if slides else []
     return tuple(events)

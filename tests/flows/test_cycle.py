@@ -447,6 +447,23 @@ def test_the_curve_of_a_touch_ends_where_its_flow_does() -> None:
     assert line.reason == "the domain of touch ends at 1"
 
 
+def test_the_curve_of_a_touch_ends_where_another_crest_touches() -> None:
+    """Of cos 2t + b cos t the crests at 0 and pi are 1 + b and 1 - b."""
+    rest = cb.Flow(
+        lambda t, x, p: [1 - x[0]],
+        walls=(lambda t, x, p: p["h"] - np.cos(2 * t) - p["b"] * np.cos(t),),
+    )
+    still = cb.cycle(rest, {"x": 0.5}, {"h": 2.0, "b": 0.3}, period=TAU, settle=30)
+    touch = cb.trace(still, "h", within={"h": (0, 3)}).first("GR")
+    window = {"b": (-1, 1), "h": (0, 3)}
+    line = cb.boundary(touch, ("b", "h"), within=window)
+    met = line.first("GR-GR")
+    assert [met["b"], met["h"], line["b"].min()] == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+    other = cb.boundary(met, ("b", "h"), within=window)
+    assert other["h"] == pytest.approx(1 - other["b"], abs=1e-9)
+    assert sorted([other[0]["b"], other[-1]["b"]]) == pytest.approx([-1.0, 0.0], abs=1e-9)
+
+
 def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> None:
     """A driven integrate-and-fire neuron touches its threshold at its spike, I - A = 1 at the
     trough of the drive: an inflection, where I - A/(1 + w^2) = 1/(1 - 1/e) for one spike a turn."""
