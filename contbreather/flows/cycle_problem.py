@@ -32,7 +32,7 @@ from .flow import refuse_false_period
 from .functions import Params
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle, paces
-from .rounds import once, twice
+from .rounds import later, once, twice
 from .sparse_equations import FEW, SparseFlowEquations
 
 UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
@@ -342,6 +342,9 @@ class CycleProblem(Problem):
             f"{', '.join(map(str, functions))}: the equations of a cycle are made of its flow; "
             "write the functions into f(t, x, p) of the flow itself, and make the cycle of that"
         )
+
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        return later(self.residual, x, params)
 
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """The first impact is at a time of the forcing; and states that the reset takes back by a

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..continuation.algebra.newton import Array
-from .collocation import TrajectorySegment, sizes_of
+from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations
 from .functions import Function, Params, values
 from .jacobian import FieldWithJacobian, at_other_time
@@ -48,6 +48,21 @@ def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
         equations, flows=(*flows, *after), start=(*flights, *again), turns=turns,
         sizes=equations.sizes * 2,
     )  # fmt: skip
+
+
+def later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
+    """Return the unknowns of the same orbit from each later period of its forcing on, as far as
+    a mesh that begins elsewhere knows it."""
+    if not equations.smooth or equations.flows[0].reset is not None:
+        return ()
+    (flight,), phases = equations.flights(x, p), []
+    for part in np.arange(1, equations.turns) / equations.turns:
+        again, begins = replace(flight, start=flight.last), flight.start + part * flight.duration
+        states = partial(states_along, (flight, again))
+        piece = fitted(flight.scheme, begins, flight.duration, states).adapted(equations.sizes[0])
+        unknowns = equations.unknowns([replace(piece, start=flight.start)])
+        phases.append(np.concatenate([np.ravel(value) for value in unknowns.values()]))
+    return tuple(phases)
 
 
 def once(

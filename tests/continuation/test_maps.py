@@ -190,3 +190,22 @@ def test_what_is_nearer_to_zero_is_no_second_multiplier_minus_one_beside_a_large
     branch = trace(rest, "mu", within={"mu": (0.5, 1.5)})
     assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
     assert not branch.doubtful
+
+
+def test_a_tongue_of_a_map_is_walked_round_once() -> None:
+    """Of z -> exp(2 pi i/3 + i m) z (1.3 - |z|^2) + 0.1 conj(z)^2, with three phases of a cycle."""
+
+    def resonant(x, p):
+        turn, size = 2 * np.pi / 3 + p["m"], 1.3 - x[0] ** 2 - x[1] ** 2
+        c, s = size * np.cos(turn), size * np.sin(turn)
+        u, v = x
+        return [c * u - s * v + 0.1 * (u * u - v * v), s * u + c * v - 0.2 * u * v]
+
+    x = np.array([0.5, 0.1])
+    for _ in range(2000):
+        x = np.array(resonant(x, {"m": 0.0}))
+    cycle = FixedPoint(resonant, {"u": x[0], "v": x[1]}, {"m": 0.0}, period=3)
+    branch = trace(cycle, "m", within={"m": (-1, 1)})
+    assert branch.stop.name == "CLOSED"
+    assert [point.kind for point in branch.special] == ["LP", "LP"]
+    assert branch["m"].min() == pytest.approx(-branch["m"].max(), abs=1e-9)

@@ -322,3 +322,19 @@ def test_scales_that_are_none_are_refused() -> None:
         rotation(1.2, 0.3, scales={"u": 1.0})
     with pytest.raises(BadInput, match="a size"):
         rotation(1.2, 0.3, scales={"v": 0.0})
+
+
+def test_a_tongue_of_the_third_order_is_walked_round_once() -> None:
+    """Its three phases are one orbit: two folds, and no point twice."""
+
+    def forced(t, x, p):
+        return [x[1], (1 - x[0] ** 2) * x[1] - x[0] + 1.5 * np.cos(p["w"] * t)]
+
+    start, period = {"x": 1.5, "v": 0.0}, lambda p: 2 * np.pi / p["w"]
+    locked = cb.cycle(forced, start, {"w": 2.86}, period=period, settle=600)
+    branch = cb.trace(locked, "w", within={"w": (2, 4)})
+    assert branch.stop.name == "CLOSED"
+    assert [point.kind for point in branch.special] == ["LP", "LP"]
+    first, last = branch[0].solution, branch[-1].solution
+    assert first.period == pytest.approx(last.period, rel=1e-11)
+    assert last.states(0.0) == pytest.approx(first.states(first.period / 3), abs=1e-6)

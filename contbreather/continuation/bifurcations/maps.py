@@ -242,8 +242,10 @@ class MapCycleProblem(Problem):
         """Write the same orbit as one of another period."""
         return with_period(self, period)
 
-    def images(self, x: Array, params: Params) -> tuple[Array, ...]:
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)[1:]
+
+    images = phases
 
     def simpler(self, point: Point) -> Problem | None:
         """The cycle in the smallest period it has, if that is not the one it is written in."""

@@ -81,6 +81,11 @@ class Structure:
         other phases of a cycle."""
         return ()
 
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        """Other unknowns of the same solution, roughly, as of a cycle from a later iterate, or
+        period of its forcing, on: a curve is closed there, too."""
+        return ()
+
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """Periods of unknowns that are angles, by which they may move at x, of an array for each
         entry, 0 for those that are none: curves close, and solutions are the same, modulo that."""
@@ -474,6 +479,9 @@ class TiedProblem(Problem):
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.images(x, self.ties(params))
+
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        return self.base.phases(x, self.ties(params))
 
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         return self.base.modulo(x, self.ties(params))

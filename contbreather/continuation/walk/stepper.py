@@ -9,13 +9,15 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..algebra.linear_algebra import least_singular
-from ..algebra.newton import FEW, Array, Solution, Undefined
+from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined
 from ..algebra.sparse import Dense, Factors
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 from ..curve.branch import Points, Stop
@@ -168,32 +170,45 @@ class Stepper:
 
     # --- one by one ---
 
+    @cached_property
+    def _homes(self) -> list[tuple[Point, Array, Array]]:
+        """The start, and the same solution with other unknowns; how the curve leaves them, and the
+        planes across it."""
+        curve, home, homes = self.curve, self.home, [(self.home, self.outwards, self.across)]
+        along = np.append(np.zeros(home.z.size - 1), self.outwards[-1])
+        for x in () if self.crossed else curve.problem.phases(home.x, curve.params(home.z)):
+            with suppress(StepFailed, *OUT_OF_DOMAIN):
+                z = self.correct(np.append(x, home.z[curve.size :]), along).z
+                tangent = curve.tangent_at(z, along)[0]
+                homes.append((replace(home, z=z, tangent=tangent), tangent, curve.metric * tangent))
+        return homes
+
     def _passed(self, point: Point, last: Point) -> Point | None:
         """The start, if the step passes it in the direction in which the curve left it; its angles
         as they are there."""
-        start, row = self.home.z, self.across
-        if self.angles:
-            start = self.curve.turned(start, last.z)
-        before, after = row.dot(point.z - start), row.dot(last.z - start)
-        # across t0 at the start: from behind it to beyond, within 60 degrees of t0
-        if not before < 0 <= after or row.dot(last.direction) < 0.5:
-            return None
-        segment = StepInterpolant(point, last, self.steps.tolerance)
-        guess, slope = segment.guess(before / (before - after))
-        gap = guess - start
-        if self.curve.length(gap) > 0.1 * segment.length:
-            return None
-        if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
-            off = self.curve.length(gap) / segment.length
-            closes = max(off, _angle(self.curve, slope, self.outwards)) <= 0.03
-        else:
-            # across the start only: along the curve Newton's linear condition keeps the place
-            guess = start + gap - row.dot(gap) * self.outwards
-            z = self.correct(guess, row).z
-            # back at the start to this relative distance
-            closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
-        home = Point(self.curve, start, self.home.tangent, 0.0, self.home.residual)
-        return home if closes else None
+        for home, outwards, row in self._homes:
+            start = self.curve.turned(home.z, last.z) if self.angles else home.z
+            before, after = row.dot(point.z - start), row.dot(last.z - start)
+            # across t0 at the start: from behind it to beyond, within 60 degrees of t0
+            if not before < 0 <= after or row.dot(last.direction) < 0.5:
+                continue
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            guess, slope = segment.guess(before / (before - after))
+            gap = guess - start
+            if self.curve.length(gap) > 0.1 * segment.length:
+                continue
+            if self.crossed:  # there Newton's iteration is singular, and curves differ in direction
+                off = self.curve.length(gap) / segment.length
+                closes = max(off, _angle(self.curve, slope, outwards)) <= 0.03
+            else:
+                # across the start only: along the curve Newton's linear condition keeps the place
+                guess = start + gap - row.dot(gap) * outwards
+                z = self.correct(guess, row).z
+                # back at the start to this relative distance
+                closes = self.curve.length(z - start) <= 1e-7 * (1 + self.curve.length(z))
+            if closes:
+                return Point(self.curve, start, home.tangent, 0.0, home.residual)
+        return None
 
     def _advance(self, point: Point) -> Step:
         failed: StepFailed | None = None
