@@ -52,17 +52,21 @@ def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
 
 def later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
     """Return the unknowns of the same orbit from each later period of its forcing on, as far as
-    a mesh that begins elsewhere knows it."""
-    if not equations.smooth or equations.flows[0].reset is not None:
-        return ()
-    (flight,), phases = equations.flights(x, p), []
-    for part in np.arange(1, equations.turns) / equations.turns:
-        again, begins = replace(flight, start=flight.last), flight.start + part * flight.duration
-        states = partial(states_along, (flight, again))
-        piece = fitted(flight.scheme, begins, flight.duration, states).adapted(equations.sizes[0])
-        unknowns = equations.unknowns([replace(piece, start=flight.start)])
-        phases.append(np.concatenate([np.ravel(value) for value in unknowns.values()]))
-    return tuple(phases)
+    a mesh that begins elsewhere knows it; of several flows, from where the same ones follow."""
+    flights, flows, size = equations.flights(x, p), equations.flows, equations.sizes[0]
+    period, written = sum(flight.duration for flight in flights), []
+    if not equations.smooth:
+        again = [*flights, *(replace(flight, start=flight.start + period) for flight in flights)]
+        alike = [i for i in range(1, len(flows)) if (*flows[i:], *flows[:i]) == flows]
+        written = [again[i : i + len(flows)] for i in alike]
+    elif flows[0].reset is None:
+        (flight,) = flights
+        states = partial(states_along, (flight, replace(flight, start=flight.last)))
+        for part in np.arange(1, equations.turns) / equations.turns:
+            piece = fitted(flight.scheme, flight.start + part * period, period, states)
+            written.append([replace(piece.adapted(size), start=flight.start)])
+    unknowns = [equations.unknowns(of).values() for of in written]
+    return tuple(np.concatenate([*map(np.ravel, values)]) for values in unknowns)
 
 
 def once(

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
 
 import contbreather as cb
 from contbreather.errors import BadInput
@@ -338,3 +339,39 @@ def test_a_tongue_of_the_third_order_is_walked_round_once() -> None:
     first, last = branch[0].solution, branch[-1].solution
     assert first.period == pytest.approx(last.period, rel=1e-11)
     assert last.states(0.0) == pytest.approx(first.states(first.period / 3), abs=1e-6)
+
+
+def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
+    """x' = I - x + 0.95 cos 2 pi t, from 0 to 1: the folds are the extreme currents at which the
+    second spike after one at t comes at t + 1."""
+
+    def after(t: float, current: float) -> float:
+        """x = I + 0.95 Re exp(2 pi i t)/(1 + 2 pi i) less what decays from there to 0."""
+
+        def driven(s: float) -> float:
+            return current + 0.95 * (np.exp(2j * np.pi * s) / (1 + 2j * np.pi)).real
+
+        return brentq(lambda s: driven(s) - driven(t) * np.exp(t - s) - 1, t, t + 2, xtol=1e-14)
+
+    def locked(t: float) -> float:
+        return brentq(lambda i: after(after(t, i), i) - t - 1, 2.2, 2.9, xtol=1e-14)
+
+    t = np.arange(16) / 16
+    currents = [locked(of) for of in t]
+
+    def extreme(sign: float, near: float) -> float:
+        around = near - 1 / 16, near + 1 / 16
+        found = minimize_scalar(lambda of: sign * locked(of), bounds=around, method="bounded")
+        return sign * found.fun
+
+    folds = [extreme(1, t[np.argmin(currents)]), extreme(-1, t[np.argmax(currents)])]
+    spike = cb.Flow(
+        lambda t, x, p: [p["I"] - x[0] + 0.95 * np.cos(2 * np.pi * t)],
+        until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [0 * x[0]],
+    )
+    neuron = cb.cycle([spike], {"x": 0.0}, {"I": 2.54}, period=1.0, settle=300)
+    branch = cb.trace(neuron, "I", within={"I": (1, 4)})
+    assert branch.stop.name == "CLOSED"
+    assert [point.kind for point in branch.special] == ["LP", "LP"]
+    assert sorted(point["I"] for point in branch.special) == pytest.approx(folds, abs=1e-8)
