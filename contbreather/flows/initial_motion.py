@@ -166,11 +166,21 @@ def _forced(flow: Flow, run: Run, begin: Begin, length: float, most: int, angles
     t0, state, _ = begin
     ran, first, periods = run(x0=state, time=most * length, t0=t0), state[:, None], 1
     if flow.reset is None:  # else it is half of a symmetric orbit, or a rotation
-        ends = ran(t0 + length * np.arange(1, most + 1))
-        moved, swing = (x - angles.turns(x - first) for x in (ends, ran.x))
-        off = abs(moved - first).max(axis=0) / (np.ptp(swing, axis=1).max() or 1.0)
+        times = t0 + length * np.arange(1, most + 1)
+        moved, states = (x - angles.turns(x - first) for x in (ran(times), ran.x))
+        # up to each return: what runs away would dwarf how far off the first ones are
+        extent = np.maximum.accumulate(states, axis=1) - np.minimum.accumulate(states, axis=1)
+        swing = extent[:, np.searchsorted(ran.t, times, side="right") - 1].max(axis=0)
+        off = abs(moved - first).max(axis=0) / np.where(swing, swing, 1.0)
+        strides = abs(np.diff(moved, prepend=first)).max(axis=0)
         if off.min() <= _ALIKE:
             periods += int((off <= max(3 * off.min(), _ALIKE)).argmax())
+        elif most > 1 and (np.diff(strides) > 0).all():
+            left, end = (brief([float(f"{of:.3g}") for of in x]) for x in (state, moved[:, -1]))
+            raise NotConverged(
+                f"the simulation runs away, ever faster: its state goes from {left} to {end} in "
+                f"{most} periods; start elsewhere"
+            )
     return ran, t0, t0 + length * periods
 
 

@@ -13,7 +13,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, minimize_scalar
 
 import contbreather as cb
-from contbreather.errors import BadInput
+from contbreather.errors import BadInput, NotConverged
+from contbreather.flows import cycle_of
 
 from .test_cycle import variational
 from .zoo import FOLD_OF_BALL, TABLE, strike, walk
@@ -375,3 +376,25 @@ def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
     assert branch.stop.name == "CLOSED"
     assert [point.kind for point in branch.special] == ["LP", "LP"]
     assert sorted(point["I"] for point in branch.special) == pytest.approx(folds, abs=1e-8)
+
+
+def test_a_block_that_topples_is_no_cycle() -> None:
+    """x'' = x - 1 + 3 cos 5 t falls over from x' = 1; from 0.2 it rocks."""
+
+    def right(t, x, p):
+        return [x[1], x[0] - 1 + 3 * np.cos(5 * t)]
+
+    def left(t, x, p):
+        return [x[1], x[0] + 1 + 3 * np.cos(5 * t)]
+
+    def strikes(t, x, p):
+        return [0 * x[0], 0.9 * x[1]]
+
+    sides = [
+        cb.Flow(right, lambda t, x, p: x[0], strikes),
+        cb.Flow(left, lambda t, x, p: -x[0], strikes),
+    ]
+    with pytest.raises(NotConverged, match="runs away"):
+        cb.cycle(sides, {"x": 0.0, "v": 1.0}, {}, period=TURN / 5, settle=60)
+    rocks = cb.cycle(sides, {"x": 0.0, "v": 0.2}, {}, period=TURN / 5, settle=60)
+    assert 0 < max(cycle_of(rocks).max["x"], -cycle_of(rocks).min["x"]) < 1
