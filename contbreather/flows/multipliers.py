@@ -169,12 +169,15 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         turned = before.T @ basis
         # told apart; the small ones come first where a subspace of them stays as it is
         cuts = [i for i in range(1, n) if abs(sizes[i] - sizes[i - 1]) > np.log(1e3)]
-        # of a pair that turns each round stretches one direction far more than the other: one block
-        stay = [i for i in cuts if abs(turned[i:, :i]).max() < 1e-13]
+        turn = [abs(turned[i:, :i]).max() for i in cuts]
         # where the order changes, as along a state that all but dies out, all look alike once
-        if cuts == earlier == stay:
+        if cuts == earlier and all(left < 1e-13 for left in turn):
             break
-    blocks = [slice(a, b) for a, b in itertools.pairwise([0, *stay, n])]
+    # where a pair is cut its halves turn into each other, by the inverse of how far it stretches
+    # one of them beyond the other: up to the root of 1/eps that is told from rounding
+    settled = np.finfo(float).eps ** 0.5
+    cuts = [i for i, left in zip(cuts, turn, strict=True) if left < settled]
+    blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
     mu = []
     for block in blocks:
         product, scale = turned[block, block], 0.0
