@@ -50,21 +50,23 @@ FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be to
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
-def _amplitude(equations: FlowEquations, x: Array) -> float:
-    """Measure the swing of the orbit the way it did at first, relative to its size: beyond an
-    equilibrium the curve goes on as the same cycles half a turn later."""
-    return float(equations.swing @ x[equations.layout.nodes[0].ravel()])
+def _amplitude(base: Point, z: Array) -> float:
+    """Measure the swing of the orbit the way it did at first, relative to the size of orbits on its
+    curve: beyond an equilibrium the curve goes on as the same cycles half a turn later."""
+    equations = equations_of(base)
+    nodes = equations.layout.nodes[0].ravel()
+    return float(equations.swing @ (z[nodes] / base.curve.scales[nodes])) / math.sqrt(nodes.size)
 
 
 def swing(least: float, point: Point) -> float:
     """Measure the swing, less that of an equilibrium."""
     base = point.base_point
-    return _amplitude(equations_of(base), base.x) - least
+    return _amplitude(base, base.x) - least
 
 
 def _shrunk(point: Point) -> float:
-    equations = equations_of(base := point.base_point)
-    return _amplitude(equations, base.x) - _AT_REST if equations.shrinks else math.nan
+    base = point.base_point
+    return _amplitude(base, base.x) - _AT_REST if equations_of(base).shrinks else math.nan
 
 
 def examine_swing(least: float, point: Point) -> Examined:
@@ -85,9 +87,9 @@ def _examine_generalised(point: Point) -> Examined:
     of A dp/dA."""
     if reason := examine_swing(FLAT, point):
         return reason
-    equations, (z, tangent) = equations_of(point.base_point), (point.z, point.direction)
-    left = _amplitude(equations, z) / _amplitude(equations, tangent)
-    names, slots = point.base_point.curve.free, point.curve.slots
+    base, z, tangent = point.base_point, point.z, point.direction
+    left = _amplitude(base, z) / _amplitude(base, tangent)
+    names, slots = base.curve.free, point.curve.slots
     places = (float(z[slots[name]] - 0.5 * left * tangent[slots[name]]) for name in names)
     where = ", ".join(f"{name} = {at:.8g}" for name, at in zip(names, places, strict=True))
     return {"said": f"the folds end at a generalised Hopf point, {where}"}

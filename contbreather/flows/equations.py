@@ -506,12 +506,11 @@ class FlowEquations:
 
     @cached_property
     def swing(self) -> Array:
-        """The row that measures the swing of an orbit the way it did at first, relative to its
-        size."""
+        """The unit row, in units of the states, that measures the swing of an orbit the way it did
+        at first."""
         first = self.start[0].states / self.units
         way = first - first.mean(axis=0)
-        size = math.sqrt((way * way).sum() * (first * first).sum())
-        return np.asarray(way / size / self.units).ravel()
+        return np.asarray(way / math.sqrt((way * way).sum())).ravel()
 
     @cached_property
     def _phase(self) -> Array:

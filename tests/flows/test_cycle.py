@@ -819,6 +819,21 @@ def test_folds_of_a_neuron_s_cycles_in_mv_end_at_its_generalised_hopf_point() ->
     assert (end["I"], end["phi"]) == pytest.approx((known["I"], known["phi"]), rel=1e-5)
 
 
+def test_folds_of_cycles_about_the_origin_end_at_its_generalised_hopf_point() -> None:
+    """The first orbit of their branch is tiny, and no measure of how small others are."""
+
+    def f(t, x, p):
+        return [x[1], (p["m"] + p["b"] * x[0] ** 2 - x[0] ** 4) * x[1] - x[0]]
+
+    rest = cb.equilibrium(f, {"u": 0.0, "v": 0.0}, {"m": 0.2, "b": 1.0})
+    hopf = cb.trace(rest, "m", within={"m": (-1, 1)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"m": (-1, 0.1)})
+    line = cb.boundary(cycles.first("LP"), ("b", "m"), within={"b": (-1, 2)})
+    assert [point.kind for point in line.special] == ["GH", "EP"]
+    assert not line.doubtful
+    assert abs(line[0]["b"]) + abs(line[0]["m"]) < 1e-4
+
+
 def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
     """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
     velocities are against those of the start, and the branch would turn back."""
