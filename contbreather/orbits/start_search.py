@@ -203,7 +203,8 @@ def find_event(
     omega = conditions.get("omega", 1.0)
     span, reach = windows_of((first, free), windows(within), omega).values()
     reason, refusal = "", None
-    for value in _combed(first, conditions.get(first), span):
+    values = [*_combed(first, conditions.get(first), span)]
+    for value in values:
         try:
             # root 1 is that with the largest p, an upper breather
             start = find_symmetric(free, reach, **{"root": 1, **_with(conditions, first, value)})
@@ -228,7 +229,8 @@ def find_event(
     if refusal is not None and not reason:
         raise refusal
     alone = conditions.get(first) is not None
-    searched = f"= {value:g}" if alone else f"between {span[0]:g} and {span[1]:g}"
+    between = f"between {span[0]:g} and {span[1]:g} ({len(values)} values were looked at)"
+    searched = f"= {values[0]:g}" if alone else between
     raise NoSolution(f"no {kind} found for {first} {searched}; {reason}")
 
 
