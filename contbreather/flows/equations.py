@@ -158,8 +158,11 @@ class FlowEquations:
     orbits: Any = field(default_factory=WeakValueDictionary, init=False)  # that somebody has
 
     def __getstate__(self) -> dict[str, Any]:
-        # but for what was solved
-        return {**self.__dict__, "_latest": {}, "orbits": WeakValueDictionary()}
+        # but for what was solved, and no weak reference goes through a pickle
+        return {**self.__dict__, "_latest": {}, "orbits": None}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        self.__dict__.update(state, orbits=WeakValueDictionary())
 
     # --- the unknowns -----------------------------------------------------------------------------
 

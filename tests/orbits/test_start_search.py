@@ -102,7 +102,11 @@ def test_solutions_are_chosen_by_number_from_one() -> None:
     ("kind", "given", "words"),
     [
         # the pitchforks of k = 0.8 end at a = 0.8687, on the grazing curve
-        ("PF", {"within": WHERE}, r"no PF found for gamma between 0 and 0\.24 \(9 values were looked at\)"),
+        (
+            "PF",
+            {"within": WHERE},
+            r"no PF found for gamma between 0 and 0\.24 \(9 values were looked at\)",
+        ),
         (
             "LP",
             {"within": {"a": (0.5, 0.6)}, "gamma": 0.1},
