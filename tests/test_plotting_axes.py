@@ -4,6 +4,7 @@ profile, stability that was not computed, and runs longer than their picture has
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,15 @@ import pytest
 
 import contbreather as cb
 from contbreather.orbits.constructors import asymmetric
-from contbreather.plotting import plot, plot_diagram, plot_motion, plot_space_time, plot_sweep
+from contbreather.plotting import (
+    new_figure,
+    plot,
+    plot_diagram,
+    plot_motion,
+    plot_space_time,
+    plot_sweep,
+    style,
+)
 from contbreather.simulation import Sample, simulate_smooth, sweep, there_and_back
 
 from .test_plotting import curves
@@ -334,3 +343,14 @@ def test_a_long_motion_is_drawn_between_its_extremes_and_says_of_how_many_sample
     assert len(many.axes.collections[0].get_paths()[0].vertices) < 1000
     short = cb.simulate(state, periods=4, sample=Sample((0, 1)), **LONG)
     assert plot_motion(short).axes.get_ylabel() == "$u_n$"
+
+
+@pytest.mark.parametrize("ends", [(-0.7395, -0.5595), (0.0001, 0.0009), (1000.2, 1009.0)])
+def test_numbers_of_an_abscissa_keep_apart(ends: tuple[float, float]) -> None:
+    with style():
+        figure, (ax,) = new_figure()
+        ax.plot(ends, ends)
+        figure.canvas.draw()
+        boxes = [label.get_window_extent() for label in ax.get_xticklabels()]
+    assert all(left.x1 < right.x0 for left, right in pairwise(boxes))
+    assert len(boxes) >= 5

@@ -112,12 +112,17 @@ def new_figure(
     sizes = {"width": width, "height": 6.5 * rows if height is None else height}
     wide, high = (number(name, size, 0.1, 1e4, "a size in cm") for name, size in sizes.items())
     size = (wide / INCH, high / INCH)
+    from contbreather.plotting.ticks import SpacedLocator
+
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
         make = _figure if pyplot is None else pyplot.figure
         figure = make(figsize=size, layout="constrained")
         kind = {"projection": projection}
         axes = figure.subplots(rows, columns, squeeze=False, subplot_kw=kind)
+        if projection != "3d":
+            for panel in axes.flat:
+                panel.xaxis.set_major_locator(SpacedLocator())
     return figure, list(axes.ravel())
 
 
