@@ -136,7 +136,7 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
     if events is None:
         return None
     try:
-        several = (events,) if isinstance(events, Event) else tuple(events)
+        several = (events,) if isinstance(events, Event | str) else tuple(events)
     except TypeError as error:
         raise BadInput(f"events must be a list of them, got {events!r}") from error
     for event in several:
