@@ -334,7 +334,7 @@ def test_a_window_that_is_cut_says_so(run: Run) -> None:
 
 def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> None:
     out = run("zones --a 0.3 --gamma-window 0.05 0.1 --csv z.csv")[1]
-    assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: NS ")
+    assert out.startswith("No two curves meet there.\nPoints on the curves at a = 0.3: LP ")
     assert "┃" not in out
 
 
