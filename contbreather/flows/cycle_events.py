@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from typing import Any, NamedTuple
@@ -185,18 +185,23 @@ class Margin(NamedTuple):
     place: float = 0.0
 
 
+def _none(orbit: Cycle) -> Iterable[Margin]:
+    return ()
+
+
 @dataclass(frozen=True, eq=False)
 class _Nearest:
     """Test of an event: the least of some margins of an orbit."""
 
     kind: str
     margins: Callable[[Cycle], Iterable[Margin]]
+    further: Callable[[Cycle], Iterable[Margin]] = _none  # of another event of this kind
 
     def __call__(self, point: Point) -> float:
         return min((margin.value for margin in self._of(point)), default=math.nan)
 
     def locus(self, point: Point) -> DefiningSystem:
-        beside = _Beside(self.kind, self.margins, self._least(point))
+        beside = _Beside(self.kind, self.margins, self.further, followed=self._least(point))
         once = beside(point) < AT_ONCE  # by a symmetry, all along
         return beside.followed.system() if once else beside.system()
 
@@ -227,7 +232,7 @@ class _Nearest:
 class _Beside(_Nearest):
     """Test of what ends a curve of such an event: the least of all other margins."""
 
-    followed: Margin
+    followed: Margin = field(kw_only=True)
 
     def system(self) -> DefiningSystem:
         """The equations of what is followed, with the end of its curve."""
@@ -245,7 +250,9 @@ class _Beside(_Nearest):
         own = [m for m in margins if (m.flow, m.guard) == (self.followed.flow, self.followed.guard)]
         turn = 1.0 if _goes_round(orbit.equations) else math.inf
         gone = min(own, key=lambda m: abs(math.remainder(m.place - place, turn)), default=None)
-        return [margin for margin in margins if margin is not gone]
+        others = [margin for margin in margins if margin is not gone]
+        # next to nothing of a flow that shrinks all is small
+        return others + [m for m in self.further(orbit) if m.flow != self.followed.flow]
 
 
 def _goes_round(equations: FlowEquations) -> bool:
@@ -540,9 +547,13 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     if equations.autonomous:  # beyond its conditions an orbit that meets them may shrink, too
         events += [_SHRUNK, HOMOCLINIC, _LOST]
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
-        events += [_Nearest("VI", _rates).event(), _Nearest("GR", _clearances).event()]
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))
         slides = any(map(system_of, met))
-        events.append(_Nearest("SL" if slides else "GR", _shares).event())
-        events += [_Nearest("SL", _arrivals).event()] if slides else []
+        ends = [
+            _Nearest("VI", _rates),
+            _Nearest("GR", _clearances, _none if slides else _shares),
+            _Nearest("SL", _shares) if slides else _Nearest("GR", _shares, _clearances),
+        ]
+        ends += [_Nearest("SL", _arrivals)] if slides else []
+        events += [end.event() for end in ends]
     return tuple(events)

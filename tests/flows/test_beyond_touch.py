@@ -233,3 +233,23 @@ def test_an_orbit_clear_of_its_condition_is_one_of_a_flow_with_that_wall() -> No
     assert touched["period"] == pytest.approx(free.period, rel=1e-8)
     found = cb.cycle([stop], start, {"mu": 1.0, "w": hits[-1]["w"]}, settle=30)
     assert hits[-1]["period"] == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-8)
+
+
+def test_a_contact_begins_and_another_one_where_two_crests_are_alike() -> None:
+    """What follows cos 2t + b cos t reaches r/sqrt(r^2 + 4) twice where b = 0: the curves on which
+    one crest comes to the stop end there, whether the other one is in contact or not."""
+
+    def follows(t: Any, x: Any, p: Any) -> Any:
+        return [20 * (np.cos(2 * t) + p["b"] * np.cos(t) - x[0])]
+
+    def pressed(t: Any, x: Any, p: Any) -> Any:
+        return [follows(t, x, p)[0] - 5 * (x[0] - p["h"])]
+
+    touches = cb.Flow(follows, until=lambda t, x, p: p["h"] - x[0])
+    stop = [touches, cb.Flow(pressed, until=lambda t, x, p: x[0] - p["h"])]
+    orbit = cb.cycle(stop, {"x": 0.0}, {"b": 0.3, "h": 1.0}, period=TAU, settle=30)
+    window = {"b": (-1, 1), "h": (0, 3)}
+    comes, goes = grazings(cb.trace(orbit, "h", within=window))
+    for end in (comes, goes):
+        met = cb.boundary(end, ("b", "h"), within=window).first("GR-GR")
+        assert [met["b"], met["h"]] == pytest.approx([0.0, 20 / np.hypot(20, 2)], abs=1e-9)
