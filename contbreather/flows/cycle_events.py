@@ -552,8 +552,8 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
         ends = [
             _Nearest("VI", _rates),
             _Nearest("GR", _clearances, _none if slides else _shares),
-            _Nearest("SL", _shares) if slides else _Nearest("GR", _shares, _clearances),
+            _Nearest("SL", _shares, _arrivals) if slides else _Nearest("GR", _shares, _clearances),
         ]
-        ends += [_Nearest("SL", _arrivals)] if slides else []
+        ends += [_Nearest("SL", _arrivals, _shares)] if slides else []
         events += [end.event() for end in ends]
     return tuple(events)

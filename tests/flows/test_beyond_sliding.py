@@ -351,3 +351,18 @@ def test_the_curve_of_sliding_sets_out_where_that_lasts_no_time_at_all(moving: A
     slides = moving.special[-1]
     line = cb.boundary(slides, ("a", "mu"), within={"mu": (0.9, 1.1)}, towards="both")
     assert (line[0]["mu"], line[-1]["mu"]) == (0.9, 1.1)
+
+
+def test_curves_on_which_a_mass_begins_to_stick_end_where_it_does_at_both_turns() -> None:
+    """A mass on a table that shakes and leans by s: level, it begins to stick at both at once."""
+    table = cb.Filippov(
+        lambda t, x, p: [-p["s"] - 1 + 0 * x[0]],
+        lambda t, x, p: [-p["s"] + 1 + 0 * x[0]],
+        lambda t, x, p: x[0] - p["A"] * np.cos(t),
+    )
+    mass = cb.cycle(table, {"v": 0.0}, {"A": 3.0, "s": 0.2}, period=TAU, settle=60)
+    window = {"A": (1.7, 3.5), "s": (-0.5, 0.5)}
+    slips, sticks = across(mass, "A", "SL", window, towards="down")
+    for end in (slips, sticks.special[-1]):
+        met = cb.boundary(end, ("A", "s"), within=window).first("SL-SL")
+        assert [met["A"], met["s"]] == pytest.approx([ONSET, 0.0], abs=1e-9)
