@@ -273,25 +273,25 @@ class _Reached:
     since: float | Callable[[Params], Any] | None = None  # instead, a time after the beginning
 
     def system(self, **extra: float) -> DefiningSystem:
-        inside = {} if _goes_round(self.equations) else dict.fromkeys(extra, (0.0, 1.0))
+        # where it ends the flow its own condition is touched along VI, too: in between is a cube
+        ends = self.wall == self.equations.flows[self.flow].until
+        domain = 0.0, 1.0 - LEAVES * ends
+        inside = {} if _goes_round(self.equations) else dict.fromkeys(extra, domain)
         return DefiningSystem(extra, self.conditions, self.derivative, domain=inside)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         x, p = z[: curve.size], curve.params(z)
         s = self._place(extra, x, p)
         t, state = self.equations.place(self.flow, s, x, p)
-        return (self._weights(s)[0] * self._both(t, state, p, ())[0])[self.rows]
+        return self._both(t, state, p, ())[0][self.rows]
 
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         x, p, names = z[: curve.size], curve.params(z), curve.free
         s = self._place(extra, x, p)
         t, state = self.equations.place(self.flow, s, x, p)
-        (both, local), n = self._both(t, state, p, names), state.size + 1  # and the time
+        local, n = self._both(t, state, p, names)[1], state.size + 1  # and the time
         total = local[:, :n] @ self.equations.place_slopes(self.flow, s, x, p, names)
         total[:, curve.size : -1] += local[:, n:]
-        weights, grow = self._weights(s)
-        total *= weights[:, None]
-        total[:, -1] += grow * both
         if self.since is not None:  # s = since / T
             long = self.equations.layout.lengths[self.flow]
             total[:, long] -= total[:, -1] * s / x[long]
@@ -299,13 +299,6 @@ class _Reached:
             slope = slopes(ignored, 0.0, np.zeros((1, 1)), p, names)[1][0, 2:, 0]
             total[:, curve.size : -1] += np.outer(total[:, -1], slope / x[long])
         return total[self.rows] if self.place is None else total[self.rows, :-1]
-
-    def _weights(self, s: float) -> tuple[Array, Array]:
-        """Evaluate factors of both, and how fast they grow: a flow ends where its own condition is
-        zero, which is touched there along VI; of that solution, s = 1, both are divided."""
-        ends = self.place is None and self.wall == self.equations.flows[self.flow].until
-        w = 1 / (1 - s) if ends else 1.0
-        return np.array([w * w, w]), np.array([2 * w**3, w * w]) * ends
 
     def _place(self, extra: Array, x: Array, p: Params) -> float:
         if self.since is not None:
