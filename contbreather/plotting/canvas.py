@@ -112,7 +112,7 @@ def new_figure(
     sizes = {"width": width, "height": 6.5 * rows if height is None else height}
     wide, high = (number(name, size, 0.1, 1e4, "a size in cm") for name, size in sizes.items())
     size = (wide / INCH, high / INCH)
-    from contbreather.plotting.ticks import SpacedLocator
+    from .ticks import SpacedLocator
 
     pyplot = sys.modules.get("matplotlib.pyplot")
     with style():
