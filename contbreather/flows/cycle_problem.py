@@ -125,7 +125,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def paces(self) -> dict[int, tuple[float, float]]:
-        """Evaluate how fast conditions fall where they end their flows, and relative to the most."""
+        """Evaluate how fast conditions fall where they end flows, and relative to the most."""
         return paces(self.equations, self.x, self.params)
 
     @cached_property
