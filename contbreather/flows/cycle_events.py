@@ -461,7 +461,8 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
             system = partial(reached(touch.place, slice(1), since=flow.ignore).system)
         elif touch.place in (0.0, 1.0) and not _goes_round(orbit.equations):
             system = partial(reached(touch.place, slice(1)).system)
-        said = f"flow {touch.flow} touches {touch.guard} at t = {touch.time:.6g}"
+        words = getattr(flow.guards[touch.guard], "words", (f"flow {touch.flow}", touch.guard))
+        said = f"{words[0]} touches {words[1]} at t = {touch.time:.6g}"
         yield Margin(touch.clearance, system, said, touch.flow, touch.guard, touch.place)
 
 
@@ -471,7 +472,8 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
         flow, flight = orbit.equations.flows[i], orbit.flights[i]
         assert flow.until is not None
         system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system  # no change
-        said = f"flow {i} only just reaches its end at t = {flight.last:.6g}"
+        words = getattr(flow.until, "words", (f"flow {i}", "its end"))
+        said = f"{words[0]} only just reaches {words[1]} at t = {flight.last:.6g}"
         yield Margin(rate, system, said, i)
 
 

@@ -336,6 +336,11 @@ class WallDistance:
     side: int
     terminal, direction = True, -1.0  # as an event of a simulation
 
+    @property
+    def words(self) -> tuple[str, str]:
+        """Who touches what, as sentences say it where a branch ends."""
+        return f"site {self.site}", "its upper wall" if self.side > 0 else "its lower wall"
+
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         return self.chain.walls(0.0, p) - self.side * x[self.site]
 

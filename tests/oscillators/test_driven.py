@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -160,6 +162,11 @@ def test_a_branch_between_walls_ends_where_a_neighbour_touches_its_wall() -> Non
     orbit = cb.symmetric(gamma=0.04, lattice=ring, **on)
     shot = cb.trace(orbit, "a", within={"a": (0.7, 0.95)}, towards="up")
     assert [point.kind for point in branch.special] == ["EP", "BP", "GR"]
+    site, side, at = re.fullmatch(
+        r"site (.) touches its (.*) wall at t = (.*)", branch.reason
+    ).groups()
+    wall = {"upper": 1, "lower": -1}[side]
+    assert branch[-1].solution.displacement(int(site), float(at)) == pytest.approx(wall, abs=1e-6)
     assert abs(branch.first("BP")["a"] - shot.first("PF")["a"]) < 1e-8
     assert abs(branch.first("GR")["a"] - shot.first("GR")["a"]) < 1e-8
 
