@@ -238,7 +238,8 @@ class _Beside(_Nearest):
         """The equations of what is followed, with the end of its curve."""
         kind, base = f"{self.kind}-{self.kind}", self.event()
         met = CodimensionTwo(kind, self, examine=self.examine, ends="domain", base=base)
-        return replace(self.followed.system(), events=(met,))
+        system = self.followed.system()
+        return replace(system, events=(*system.events, met))
 
     def locus(self, point: Point) -> DefiningSystem:
         return replace(self, followed=self._least(point)).system()
@@ -278,6 +279,20 @@ class _Reached:
         domain = 0.0, 1.0 - LEAVES * ends
         inside = {} if _goes_round(self.equations) else dict.fromkeys(extra, domain)
         return DefiningSystem(extra, self.conditions, self.derivative, domain=inside)
+
+    def vanishing(self) -> DefiningSystem:
+        """The equations of VI, up to an inflection: beyond the condition is passed before."""
+        said = {"said": f"the condition of flow {self.flow} has an inflection where that ends"}
+        bends = Event("VI-GR", self._bend, examine=lambda point: said, ends="domain")
+        return replace(self.system(), events=(bends,))
+
+    def _bend(self, point: Point) -> float:
+        """Evaluate the second derivative of the condition along the flow, where that ends."""
+        orbit: Cycle = point.base_point.solution
+        flight, p = orbit.flights[self.flow], orbit.params
+        t, x, field = flight.last, flight.end, self.equations.flows[self.flow].f
+        way = np.append(values(field, t, x[:, None], p)[:, 0], 1.0)
+        return float(self._both(t, x, p, ())[1][1] @ way)
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         x, p = z[: curve.size], curve.params(z)
@@ -471,7 +486,7 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
     for i, (rate, _) in orbit.paces.items():
         flow, flight = orbit.equations.flows[i], orbit.flights[i]
         assert flow.until is not None
-        system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).system  # no change
+        system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).vanishing  # no change
         words = getattr(flow.until, "words", (f"flow {i}", "its end"))
         said = f"{words[0]} only just reaches {words[1]} at t = {flight.last:.6g}"
         yield Margin(rate, system, said, i)

@@ -472,11 +472,13 @@ def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> 
         until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]],
     )  # fmt: skip
     neuron = cb.cycle([fires], {"x": 0.3}, {"I": 1.54, "A": 0.4}, period=1.0, settle=60)
-    touch = cb.trace(neuron, "A", within={"A": (0.1, 5)}).first("GR")
-    line = cb.boundary(touch, ("A", "I"), within={"A": (0, 5)}, events=())
-    last = min((line[0], line[-1]), key=lambda point: point["A"])
-    inflection = (1 / (1 - math.exp(-1)) - 1) * (1 + TAU**-2)
-    assert [last["A"], last["I"] - 1] == pytest.approx([inflection, inflection], abs=2e-4)
+    branch, window = cb.trace(neuron, "A", within={"A": (0.1, 5)}), {"A": (0, 5)}
+    touch, gone = (cb.boundary(branch.first(kind), ("A", "I"), within=window, events=())
+                   for kind in ("GR", "VI"))  # fmt: skip
+    last, inflection = min((touch[0], touch[-1]), key=lambda point: point["A"]), gone.first("VI-GR")
+    A = (1 / (1 - math.exp(-1)) - 1) * (1 + TAU**-2)
+    assert [inflection["A"], inflection["I"]] == pytest.approx([A, 1 + A], abs=1e-9)
+    assert [last["A"], last["I"]] == pytest.approx([A, 1 + A], abs=2e-4)
 
 
 @pytest.mark.parametrize(
