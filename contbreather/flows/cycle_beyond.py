@@ -204,7 +204,7 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     """
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     flows, flights, turns = unturned(equations.flows, orbit.flights)
-    if more := guard != "until":
+    if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
         hit = flows[i - 1], flows[i]

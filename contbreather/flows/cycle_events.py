@@ -1,6 +1,7 @@
 """Events of cycles along a branch: LP, BP, PD, NS, and where it ends: HB, a cycle that shrinks to a
-point; VI, an impact that loses its velocity; GR, a wall touched in between; SL, an orbit of
-a Filippov system that begins to slide, or to cross where it slid. Curves of folds end at GH.
+point; VI, an impact that loses its velocity; GR, a wall that is touched in between; CC, conditions
+that are met at once; SL, an orbit of a Filippov system that begins to slide, or to cross where it
+slid. Curves of folds end at GH.
 """
 
 from __future__ import annotations
@@ -195,13 +196,15 @@ class _Nearest:
 
     kind: str
     margins: Callable[[Cycle], Iterable[Margin]]
-    further: Callable[[Cycle], Iterable[Margin]] = _none  # of another event of this kind
+    further: Callable[[Cycle], Iterable[Margin]] = _none  # of another event
+    other: str = ""  # and its kind, if it has another
 
     def __call__(self, point: Point) -> float:
         return min((margin.value for margin in self._of(point)), default=math.nan)
 
     def locus(self, point: Point) -> DefiningSystem:
-        beside = _Beside(self.kind, self.margins, self.further, followed=self._least(point))
+        how = self.kind, self.margins, self.further, self.other
+        beside = _Beside(*how, followed=self._least(point))
         once = beside(point) < AT_ONCE  # by a symmetry, all along
         return beside.followed.system() if once else beside.system()
 
@@ -236,7 +239,8 @@ class _Beside(_Nearest):
 
     def system(self) -> DefiningSystem:
         """The equations of what is followed, with the end of its curve."""
-        kind, base = f"{self.kind}-{self.kind}", self.event()
+        kind = f"{self.kind}-{self.other or self.kind}"
+        base = _Nearest(self.other, self.further).event() if self.other else self.event()
         met = CodimensionTwo(kind, self, examine=self.examine, ends="domain", base=base)
         system = self.followed.system()
         return replace(system, events=(*system.events, met))
@@ -246,6 +250,8 @@ class _Beside(_Nearest):
 
     def _of(self, point: Point) -> Iterable[Margin]:
         orbit: Cycle = point.base_point.solution
+        if self.other:
+            return self.further(orbit)
         margins, slot = [*self.margins(orbit)], point.curve.slots.get("touch")
         place = self.followed.place if slot is None else float(point.z[slot])
         own = [m for m in margins if (m.flow, m.guard) == (self.followed.flow, self.followed.guard)]
@@ -452,22 +458,8 @@ def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool, around: boo
     return [int(j) for j in np.flatnonzero(low)]
 
 
-def _strokes(orbit: Cycle) -> Iterator[Margin]:
-    """Measure by how much a flow begins after the stroke of its clock before the one that ends it:
-    sooner it ends at that."""
-    flows, flights = orbit.equations.flows, orbit.flights
-    for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
-        clock, before = flow.until, flows[i - 1].until
-        if isinstance(clock, Clock) and before and not isinstance(before, Clock):
-            late = clock.since(flight.start, None, orbit.params)
-            system = _Reached(orbit.equations, i, clock.since, 0.0, slice(1)).system
-            said = f"flow {i} begins as its clock strikes, at t = {flight.start:.6g}"
-            yield Margin(float(late), system, said, i, "until")
-
-
 def _clearances(orbit: Cycle) -> Iterator[Margin]:
     """Measure how far the orbit is off touching a wall."""
-    yield from _strokes(orbit)
     for touch in touches(orbit):
         flow, duration = orbit.equations.flows[touch.flow], orbit.flights[touch.flow].duration
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
@@ -513,32 +505,49 @@ def _arrivals(orbit: Cycle) -> Iterator[Margin]:
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:
-    """Measure the share of the orbit of flows that begin where a condition ended the one before:
-    down to none where the next condition is met at once (a border collision); without a reset to
-    what counts as none where two flows meet at a tangency, for there a flow comes into being as
-    short as the root of how far the parameter is beyond, and where sliding is left at its edge.
-    After an impact that is VI, where the next one comes as soon as it has lost its velocity."""
+    """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
+    condition without a reset is all but touched: where two flows meet at a tangency one comes into
+    being, as short as the root of how far the parameter is beyond. And of those that do at an edge
+    of sliding, as short as that."""
     flows, lengths = [*map(plain, orbit.equations.flows)], orbit.equations.layout.lengths
-    if len(flows) == 1:
+    if all(moves(flow) or not flow.until for flow in flows):
         return
-    rates = orbit.paces
     for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
-        before, after = flows[i - 1], flows[(i + 1) % len(flows)]
-        edge = flow_between(before, after) == flow
-        leaves = slid_along(before)  # always at a tangency
-        # of its largest rate less than this: all but touched
-        touched = before.until and rates[(i - 1) % len(flows)][1] < 1e-2
-        tangent = touched and not moves(before)
-        meets = before.until and not (touched or system_of(before))
-        if leaves or tangent or edge or meets:
-            collides = not (leaves or tangent or edge)
-            none = collides or (edge and slid_along(flow))
-            least = LEAVES if leaves else 0.0 if none else SHORTEST
+        before, after = (i - 1) % len(flows), flows[(i + 1) % len(flows)]
+        edge = flow_between(flows[before], after) == flow
+        leaves = slid_along(flows[before])  # always at a tangency
+        tangent = flows[before].until and not moves(flows[before]) and _touches(orbit, before)
+        if leaves or tangent or edge:
+            least = LEAVES if leaves else 0.0 if edge and slid_along(flow) else SHORTEST
             shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system
-            how = "it begins at the edge of sliding" if edge else "it begins at a tangency"
-            said = f"flow {i} shrinks to nothing, {'it ends as it begins' if collides else how}"
-            guard = "until" if collides else ""
-            yield Margin(flight.duration / orbit.period - least, shrunk, said, i, guard)
+            where = "at the edge of sliding" if edge else "at a tangency"
+            said = f"flow {i} shrinks to nothing, it begins {where}"
+            yield Margin(flight.duration / orbit.period - least, shrunk, said, i)
+
+
+def _touches(orbit: Cycle, flow: int) -> bool:
+    """Tell whether the condition that ends a flow is all but touched, as at a tangency or VI."""
+    return orbit.paces[flow][1] < 1e-2  # of its largest rate
+
+
+def _collisions(orbit: Cycle) -> Iterator[Margin]:
+    """Measure how far apart in time two conditions are met that come at once at a border collision:
+    how long the flow between them lasts, and, of one that a clock ends, by how much it begins after
+    the stroke before, at which it would end."""
+    flows, flights, equations = orbit.equations.flows, orbit.flights, orbit.equations
+    for i, (flow, flight) in enumerate(zip(flows, flights, strict=True)):
+        number, clock = (i - 1) % len(flows), flow.until
+        before = flows[number]
+        if len(flows) == 1 or not before.until or system_of(before) or _touches(orbit, number):
+            continue
+        shrunk = Lasting(equations.layout.lengths, np.eye(len(flows))[i], 0.0).system
+        said = f"flow {i} ends as it begins, at t = {flight.start:.6g}"
+        yield Margin(flight.duration / orbit.period, shrunk, said, i, "until")
+        if isinstance(clock, Clock) and not isinstance(before.until, Clock):
+            late = float(clock.since(flight.start, None, orbit.params))
+            system = _Reached(equations, i, clock.since, 0.0, slice(1)).system
+            said = f"flow {i} begins as its clock strikes, at t = {flight.start:.6g}"
+            yield Margin(late, system, said, i, "clock")
 
 
 # --- all of them --------------------------------------------------------------------------------
@@ -563,6 +572,7 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
             _Nearest("VI", _rates),
             _Nearest("GR", _clearances, _none if slides else _shares),
             _Nearest("SL", _shares, _arrivals) if slides else _Nearest("GR", _shares, _clearances),
+            _Nearest("CC", _collisions, _clearances, "GR"),
         ]
         ends += [_Nearest("SL", _arrivals, _shares)] if slides else []
         events += [end.event() for end in ends]

@@ -489,7 +489,7 @@ class CycleProblem(Problem):
         return replace(problem, start=dict(zip(problem.start, self.start.values(), strict=True)))
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        met = dict.fromkeys(("GR", "VI", "SL"), beyond_contact)
+        met = dict.fromkeys(("GR", "VI", "SL", "CC"), beyond_contact)
         return {"PD": _doubled, **met}.get(kind)
 
     def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:

@@ -282,5 +282,5 @@ def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() 
     start, period = {"y": 0.0, "v": 2.0}, 2 * np.pi
     ball = cb.cycle([stick, free], start, {"A": 2.0}, period=period, settle=10)
     branch = cb.trace(ball, "A", within={"A": (1.05, 5)})
-    assert [point.kind for point in branch.special] == ["EP", "GR"]
+    assert [point.kind for point in branch.special] == ["EP", "CC"]
     assert branch[-1]["A"] == pytest.approx(np.sqrt(1 + np.pi**2), abs=1e-12)

@@ -96,25 +96,29 @@ def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> N
     (below,) = cb.switch(flip, within={"b": (1, 5)})
     skips = cb.cycle([ON, OFF], {"i": 0.7}, {"b": 5.0}, period=PERIOD, settle=300)
     above = cb.trace(skips, "b", within={"b": (1, 6)}, towards="both")
-    for branch in (below, above):
-        assert [point.kind for point in branch.special if point.kind != "EP"] == ["GR"]
-        assert branch.first("GR")["b"] == pytest.approx(3, abs=1e-12)
-    assert above["b"].min() == above.first("GR")["b"]
+    # below, the current is also up again as it is
+    for end, kinds in (below[-1], {"CC", "GR"}), (above[0], {"CC"}):
+        assert end.kind in kinds
+        assert end["b"] == pytest.approx(3, abs=1e-12)
+    assert above["b"].max() == 6
     with pytest.raises(NothingToSwitch, match="in another order"):
-        cb.switch(above.first("GR"))
+        cb.switch(above[0])
 
 
 def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -> None:
-    """A current that rises for d, falls at the rate c and rests at 0 until 1, for 1 - d - d/c."""
-    rise = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], at=lambda p: p["d"])
+    """A current that rises for d, falls at the rate c and rests at 0 until 1, for 1 - d - d/c; the
+    curve ends where it rises up to 0.7."""
+    full = (lambda t, x, p: 0.7 - x[0],)
+    rise = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], at=lambda p: p["d"], walls=full)
     fall = cb.Flow(lambda t, x, p: [-p["c"] + 0 * x[0]], until=lambda t, x, p: x[0])
     rest = cb.Flow(lambda t, x, p: [0 * x[0]], at=0)
     problem = cb.cycle([rise, fall, rest], {"i": 0.0}, {"c": 2.0, "d": 0.3}, period=1.0, settle=5)
-    collides = cb.trace(problem, "d", within={"d": (0.1, 0.9)}).first("GR")
+    collides = cb.trace(problem, "d", within={"d": (0.1, 0.9)}).first("CC")
     assert collides["d"] == pytest.approx(2 / 3, abs=1e-12)
     curve = cb.boundary(collides, ("c", "d"), within={"c": (0.5, 4)})
     assert curve["d"] == pytest.approx(curve["c"] / (1 + curve["c"]), abs=1e-11)
-    assert [curve["c"].min(), curve["c"].max()] == [0.5, 4]
+    assert [point.kind for point in curve.special] == ["EP", "CC-GR"]
+    assert [curve[0]["c"], curve[-1]["c"]] == pytest.approx([0.5, 7 / 3], abs=1e-9)
 
 
 def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
@@ -130,10 +134,11 @@ def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
     falls = cb.cycle(flows, start, {"R": 2.0}, period=1.0, settle=99)
     rests = cb.cycle([flows[0], fall, rest], start, {"R": 6.0}, period=1.0, settle=99)
     branches = [cb.trace(of, "R", within=span, towards="both") for of in (falls, rests)]
-    arms = [cb.switch(branch.first("GR"), within=span)[0] for branch in branches]
+    ends = [branch.first(kind) for branch, kind in zip(branches, ("GR", "CC"), strict=True)]
+    assert ends[0]["R"] == pytest.approx(ends[1]["R"], abs=1e-11)
+    arms = [cb.switch(end, within=span)[0] for end in ends]
     for arm, branch, pieces in zip(arms, branches[::-1], (3, 2), strict=True):
         assert arm[0]["beyond"] == "persists"
         assert len(arm[-1].solution.flights) == pieces
-        assert arm[0]["R"] == pytest.approx(branch.first("GR")["R"], abs=1e-11)
         (same,) = (point for point in branch if point["R"] == arm[-1]["R"])
         assert arm[-1]["max(i)"] == pytest.approx(same["max(i)"], abs=1e-10)
