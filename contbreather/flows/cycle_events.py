@@ -196,15 +196,13 @@ class _Nearest:
 
     kind: str
     margins: Callable[[Cycle], Iterable[Margin]]
-    further: Callable[[Cycle], Iterable[Margin]] = _none  # of another event
-    other: str = ""  # and its kind, if it has another
+    further: Callable[[Cycle], Iterable[Margin]] = _none  # of another event of this kind
 
     def __call__(self, point: Point) -> float:
         return min((margin.value for margin in self._of(point)), default=math.nan)
 
     def locus(self, point: Point) -> DefiningSystem:
-        how = self.kind, self.margins, self.further, self.other
-        beside = _Beside(*how, followed=self._least(point))
+        beside = _Beside(self.kind, self.margins, self.further, followed=self._least(point))
         once = beside(point) < AT_ONCE  # by a symmetry, all along
         return beside.followed.system() if once else beside.system()
 
@@ -239,8 +237,7 @@ class _Beside(_Nearest):
 
     def system(self) -> DefiningSystem:
         """The equations of what is followed, with the end of its curve."""
-        kind = f"{self.kind}-{self.other or self.kind}"
-        base = _Nearest(self.other, self.further).event() if self.other else self.event()
+        kind, base = f"{self.kind}-{self.kind}", self.event()
         met = CodimensionTwo(kind, self, examine=self.examine, ends="domain", base=base)
         system = self.followed.system()
         return replace(system, events=(*system.events, met))
@@ -250,8 +247,6 @@ class _Beside(_Nearest):
 
     def _of(self, point: Point) -> Iterable[Margin]:
         orbit: Cycle = point.base_point.solution
-        if self.other:
-            return self.further(orbit)
         margins, slot = [*self.margins(orbit)], point.curve.slots.get("touch")
         place = self.followed.place if slot is None else float(point.z[slot])
         own = [m for m in margins if (m.flow, m.guard) == (self.followed.flow, self.followed.guard)]
@@ -460,11 +455,18 @@ def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool, around: boo
 
 def _clearances(orbit: Cycle) -> Iterator[Margin]:
     """Measure how far the orbit is off touching a wall."""
+    # there the next wall is reached as the one before: that is CC
+    short = [m.flow for m in _collisions(orbit) if m.value < 0.5 * SHORTEST]
+    once = [orbit.flights[i].start / orbit.period for i in short]
     for touch in touches(orbit):
+        part = touch.time / orbit.period
+        if any(abs(math.remainder(part - at, 1.0)) < SHORTEST for at in once):
+            continue
         flow, duration = orbit.equations.flows[touch.flow], orbit.flights[touch.flow].duration
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
         system = partial(reached(None, slice(2)).system, touch=touch.place)
-        if touch.guard == "until" and touch.place == flow.ignored(orbit.params) / duration > 0.0:
+        waits = flow.ignored(orbit.params)
+        if touch.guard == "until" and waits and touch.place == waits / duration:
             system = partial(reached(touch.place, slice(1), since=flow.ignore).system)
         elif touch.place in (0.0, 1.0) and not _goes_round(orbit.equations):
             system = partial(reached(touch.place, slice(1)).system)
@@ -570,9 +572,9 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
         slides = any(map(system_of, met))
         ends = [
             _Nearest("VI", _rates),
+            _Nearest("CC", _collisions),
             _Nearest("GR", _clearances, _none if slides else _shares),
             _Nearest("SL", _shares, _arrivals) if slides else _Nearest("GR", _shares, _clearances),
-            _Nearest("CC", _collisions, _clearances, "GR"),
         ]
         ends += [_Nearest("SL", _arrivals, _shares)] if slides else []
         events += [end.event() for end in ends]
