@@ -51,23 +51,24 @@ FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be to
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
 
 
-def _amplitude(base: Point, z: Array) -> float:
+def _amplitude(equations: FlowEquations, curve: Curve, z: Array) -> float:
     """Measure the swing of the orbit the way it did at first, relative to the size of orbits on its
     curve: beyond an equilibrium the curve goes on as the same cycles half a turn later."""
-    equations = equations_of(base)
     nodes = equations.layout.nodes[0].ravel()
-    return float(equations.swing @ (z[nodes] / base.curve.scales[nodes])) / math.sqrt(nodes.size)
+    return float(equations.swing @ (z[nodes] / curve.scales[nodes])) / math.sqrt(nodes.size)
 
 
 def swing(least: float, point: Point) -> float:
     """Measure the swing, less that of an equilibrium."""
     base = point.base_point
-    return _amplitude(base, base.x) - least
+    return _amplitude(equations_of(base), base.curve, base.z) - least
 
 
 def _shrunk(point: Point) -> float:
-    base = point.base_point
-    return _amplitude(base, base.x) - _AT_REST if equations_of(base).shrinks else math.nan
+    equations = equations_of(base := point.base_point)
+    if not equations.shrinks:
+        return math.nan
+    return _amplitude(equations, base.curve, base.z) - _AT_REST
 
 
 def examine_swing(least: float, point: Point) -> Examined:
@@ -88,9 +89,10 @@ def _examine_generalised(point: Point) -> Examined:
     of A dp/dA."""
     if reason := examine_swing(FLAT, point):
         return reason
-    base, z, tangent = point.base_point, point.z, point.direction
-    left = _amplitude(base, z) / _amplitude(base, tangent)
-    names, slots = base.curve.free, point.curve.slots
+    curve, equations = point.base_point.curve, equations_of(point.base_point)
+    left = _amplitude(equations, curve, z := point.z)
+    left /= _amplitude(equations, curve, tangent := point.direction)
+    names, slots = curve.free, point.curve.slots
     places = (float(z[slots[name]] - 0.5 * left * tangent[slots[name]]) for name in names)
     where = ", ".join(f"{name} = {at:.8g}" for name, at in zip(names, places, strict=True))
     return {"said": f"the folds end at a generalised Hopf point, {where}"}

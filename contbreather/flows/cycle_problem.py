@@ -32,7 +32,7 @@ from .flow import refuse_false_period
 from .functions import Params
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle, paces
-from .rounds import later, once, twice
+from .rounds import begun_later, once, twice
 from .sparse_equations import FEW, SparseFlowEquations
 
 UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
@@ -344,7 +344,7 @@ class CycleProblem(Problem):
         )
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
-        return later(self.residual, x, params)
+        return begun_later(self.residual, x, params)
 
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         """The first impact is at a time of the forcing; and states that the reset takes back by a

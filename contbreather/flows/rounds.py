@@ -50,23 +50,27 @@ def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
     )  # fmt: skip
 
 
-def later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
+def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
     """Return the unknowns of the same orbit from each later period of its forcing on, as far as
     a mesh that begins elsewhere knows it; of several flows, from where the same ones follow."""
-    flights, flows, size = equations.flights(x, p), equations.flows, equations.sizes[0]
-    period, written = sum(flight.duration for flight in flights), []
-    if not equations.smooth:
-        again = [*flights, *(replace(flight, start=flight.start + period) for flight in flights)]
-        alike = [i for i in range(1, len(flows)) if (*flows[i:], *flows[:i]) == flows]
-        written = [again[i : i + len(flows)] for i in alike]
-    elif flows[0].reset is None:
-        (flight,) = flights
-        states = partial(states_along, (flight, replace(flight, start=flight.last)))
-        for part in np.arange(1, equations.turns) / equations.turns:
-            piece = fitted(flight.scheme, flight.start + part * period, period, states)
-            written.append([replace(piece.adapted(size), start=flight.start)])
-    unknowns = [equations.unknowns(of).values() for of in written]
-    return tuple(np.concatenate([*map(np.ravel, values)]) for values in unknowns)
+    flows, written = equations.flows, []
+    if equations.smooth:
+        later = [] if flows[0].reset else range(1, equations.turns)
+    else:
+        later = [i for i in range(1, len(flows)) if (*flows[i:], *flows[:i]) == flows]
+    if not later:
+        return ()
+    flights = equations.flights(x, p)
+    period = sum(flight.duration for flight in flights)
+    again = [*flights, *(replace(flight, start=flight.start + period) for flight in flights)]
+    for i in later:
+        pieces = again[i : i + len(flows)]
+        if equations.smooth:
+            (flight,), begins = flights, flights[0].start + i / equations.turns * period
+            piece = fitted(flight.scheme, begins, period, partial(states_along, again))
+            pieces = [replace(piece.adapted(equations.sizes[0]), start=flight.start)]
+        written.append(np.concatenate([*map(np.ravel, equations.unknowns(pieces).values())]))
+    return tuple(written)
 
 
 def once(
