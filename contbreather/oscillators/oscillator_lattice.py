@@ -338,7 +338,7 @@ class WallDistance:
 
     @property
     def words(self) -> tuple[str, str]:
-        """Who touches what, as sentences say it where a branch ends."""
+        """Name the site and its wall, as sentences say it where a branch ends."""
         return f"site {self.site}", "its upper wall" if self.side > 0 else "its lower wall"
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
