@@ -200,10 +200,16 @@ def _at_edge(point: Point) -> SwitchingProblem:
 
 def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     """Make the cycle with the second flow of a wall that is touched as a flow ends, which comes to
-    be there; or without one that ends as it begins, where a clock that ends it says what follows.
+    be there; or without one that ends as it begins, where a clock that ends it says what follows;
+    or with impacts that come at once in the other order.
     """
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     flows, flights, turns = unturned(equations.flows, orbit.flights)
+    parts, pieces = list(flows), list(flights)
+    if guard == "until" and _exchanged(parts, pieces, SHORTEST * orbit.period, p):
+        made = _made_of(equations, parts, pieces)
+        contacts = partial(_contacts, i, 0.0)
+        return _switching(point, made, made.layout.lengths[i], (contacts, contacts))
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
@@ -218,11 +224,9 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     if not known or "at once" in point.detail:
         raise Undefined(f"{_UNKNOWN}where flows begin and end at once they do in another order")
     if more:
-        parts = [*flows[:i], hit[0].walled(flows[i].walls), met, *flows[i + 1 :]]
-        none = _refitted([flights[i]], [flights[i].last, flights[i].last])
-        pieces = [*flights[: i + 1], *none, *flights[i + 1 :]]
+        parts[i : i + 1] = hit[0].walled(flows[i].walls), met
+        pieces.insert(i + 1, *_refitted([flights[i]], [flights[i].last, flights[i].last]))
     else:
-        parts, pieces = list(flows), list(flights)
         parts[i - 1] = replace(flows[i - 1], until=met.until, reset=met.reset).walled([hit])
         del parts[i], pieces[i]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
@@ -232,6 +236,29 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
     return _switching(point, made, row, margins if more else margins[::-1])
+
+
+def _exchanged(flows: list[Flow], flights: list[TrajectorySegment], short: float, p: Any) -> bool:
+    """Let impacts that come at once do so in the other order, in place, if each is known as a wall
+    of the flow that the other one ends and the state after both is the same either way."""
+    for i in [i for i, flight in enumerate(flights) if flight.duration < short]:
+        first, second, t, x = (
+            flows[i - 1],
+            flows[i],
+            flights[i - 1].last,
+            flights[i - 1].end[:, None],
+        )
+        a, b = first.reset, second.reset
+        if not (a and b and first.meets(second) and second.meets(first)):
+            return False
+        alone = values(b, t, x, p)
+        both = values(a, t, alone, p), values(b, t, values(a, t, x, p), p)
+        if abs(both[1] - both[0]).max() > 1e-6 * abs(x).max():
+            return False
+        flows[i - 1], flows[i] = first.exchanged(second), second.exchanged(first)
+        none = 0.0 * flights[i].states
+        flights[i] = replace(flights[i], states=alone[:, 0] + none, slopes=0.0 * flights[i].slopes)
+    return True
 
 
 def _made_of(

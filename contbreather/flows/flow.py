@@ -181,6 +181,17 @@ class Flow:
         had = [*self.guards.values()]
         return replace(self, walls=(*self.walls, *(w for w in walls if _guard(w) not in had)))
 
+    def meets(self, flow: Flow) -> bool:
+        """Tell whether another flow is given as one of its walls."""
+        return any(not callable(wall) and wall[0].until == flow.until for wall in self.walls)
+
+    def exchanged(self, flow: Flow) -> Flow:
+        """Return another flow, which is one of its walls, with itself as one in its place."""
+        own = replace(self, walls=())
+        return replace(
+            flow, walls=[own if _guard(wall) == flow.until else wall for wall in self.walls]
+        )
+
     def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
         """Give its clock, and those of its walls, the period of which they strike a part."""
         clock = self.until

@@ -221,24 +221,33 @@ def test_several_sites_impact_in_the_order_they_come(lattice, code) -> None:
     assert orbit.unstable == 0
 
 
-def test_where_two_sites_come_to_their_walls_at_once_a_branch_has_a_corner_collision() -> None:
-    """Its curve in the frequency and the damping ends where a third site touches its wall."""
+def test_where_two_sites_come_to_their_walls_at_once_they_do_in_the_other_order_beyond() -> None:
+    """CC, whose curve in the damping and the frequency ends where a third site touches its wall."""
+    lattice, window = cb.OpenChain(4), {"d": (0.04, 0.06), "omega": (0.9, 1.1)}
     chain = cb.Oscillators(
-        V="0.05*u**2", W="c*r**2/2", lattice=cb.OpenChain(4), damping="d",
-        drive="a*cos(omega*t)", walls=1.0, k=0.8,
+        V="u**2/20", W="c*r**2/2", lattice=lattice, damping="d", drive="-a*cos(omega*t)",
+        walls=1.0, k=0.8,
     )  # fmt: skip
-    params, window = {"c": 0.02, "d": 0.05, "a": 0.7}, {"omega": (0.9, 1.1)}
+    params = {"c": 0.02, "d": 0.05, "a": 0.7}
     two = cb.breather(chain, {0: 1, 1: 1}, omega=1.0, params=params)
-    branch = cb.trace(two, "omega", within=window, towards="down")
-    assert branch[-1].kind == "CC"
-    states = [flight.end for flight in branch[-1].solution.flights if flight.duration < 1e-9]
+    corner = cb.trace(two, "d", within=window, towards="both").first("CC")
+    states = [flight.end for flight in corner.solution.flights if flight.duration < 1e-9]
     assert len(states) == 2  # at the upper walls, and half a period later
     for state in states:
         assert abs(state[:2]) == pytest.approx([1, 1], abs=1e-9)
-    curve = cb.boundary(branch[-1], ("omega", "d"), within={**window, "d": (0.03, 0.06)})
-    end = curve.first("CC-GR")
-    assert end["omega"] < 0.95
-    assert end.solution.displacement(2, np.linspace(0, 7, 4001)).max() == pytest.approx(1, abs=1e-5)
+    (arm,) = cb.switch(corner, within=window)
+    assert arm[0]["beyond"] == "persists"
+    orbit = arm[-1].solution
+    flight = max(orbit.flights, key=lambda flight: flight.duration)
+    x, t = flight.states[3], flight.begins[3]
+    on = Conditions(0.7, 0.02, 0.8, damping=arm[-1]["d"], spring=0.1, lattice=lattice)
+    end, hits, whole = Field(lattice, on).run(x, t, t + 2 * np.pi)
+    assert abs(end - x).max() < 1e-9
+    assert len(hits) == 4
+    assert apart(orbit.multipliers, np.linalg.eigvals(whole)) < 1e-8
+    curve = cb.boundary(corner, ("d", "omega"), within=window)
+    touches = curve.first("CC-GR").solution.displacement(2, np.linspace(0, 7, 4001))
+    assert touches.max() == pytest.approx(1, abs=1e-5)
 
 
 def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatch) -> None:
