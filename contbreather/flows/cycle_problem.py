@@ -343,6 +343,11 @@ class CycleProblem(Problem):
             "write the functions into f(t, x, p) of the flow itself, and make the cycle of that"
         )
 
+    @property
+    def totals(self) -> Mapping[str, str]:
+        """The period, where an unknown is how long each of several flows lasts."""
+        return {"period": "durations"} if "durations" in self.start else {}
+
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return begun_later(self.residual, x, params)
 

@@ -398,3 +398,16 @@ def test_a_block_that_topples_is_no_cycle() -> None:
         cb.cycle(sides, {"x": 0.0, "v": 1.0}, {}, period=TURN / 5, settle=60)
     rocks = cb.cycle(sides, {"x": 0.0, "v": 0.2}, {}, period=TURN / 5, settle=60)
     assert 0 < max(cycle_of(rocks).max["x"], -cycle_of(rocks).min["x"]) < 1
+
+
+def test_the_period_of_several_flows_has_a_window() -> None:
+    """x' = I - x up to 1, for log(I/(I - 1)), and x' = -2 - x back to 0, for log(3/2)."""
+    rises = cb.Flow(lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0])
+    falls = cb.Flow(lambda t, x, p: [-2 - x[0]], until=lambda t, x, p: x[0])
+    cycle = cb.cycle([rises, falls], {"x": 0.0}, {"I": 2.0}, settle=20)
+    branch = cb.trace(cycle, "I", within={"I": (1, 3), "period": (0.5, 2)}, towards="both")
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert [branch[0]["period"], branch[-1]["I"]] == pytest.approx([2, 3], abs=1e-12)
+    assert branch[0]["I"] == pytest.approx(1 / (1 - 1.5 * math.exp(-2)), abs=1e-10)
+    with pytest.raises(BadInput, match=r"period=1\.09861, outside"):
+        cb.trace(cycle, "I", within={"period": (0, 1)})

@@ -81,6 +81,11 @@ class Structure:
         other phases of a cycle."""
         return ()
 
+    @property
+    def totals(self) -> Mapping[str, str]:
+        """Recorded names that are the sum of an array of unknowns, which may have a window."""
+        return {}
+
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         """Other unknowns of the same solution, roughly, as of a cycle from a later iterate, or
         period of its forcing, on: a curve is closed there, too."""
@@ -479,6 +484,10 @@ class TiedProblem(Problem):
 
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.images(x, self.ties(params))
+
+    @property
+    def totals(self) -> Mapping[str, str]:
+        return self.base.totals
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.phases(x, self.ties(params))

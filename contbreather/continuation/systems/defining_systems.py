@@ -358,6 +358,10 @@ class ExtendedProblem(Problem):
     def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
         return self.residual.beneath(x, params, free)
 
+    @property
+    def totals(self) -> Mapping[str, str]:
+        return self.residual.problem.totals
+
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         curve, z = self.beneath(x, params, ())
         return curve.problem.modulo(z[: curve.size], curve.params(z))

@@ -56,7 +56,7 @@ SHARE = 0.1  # the power of |z| from which on something grows with it
 
 @dataclass(frozen=True)
 class Bound:
-    """The window of what can change: an unknown, a parameter, the norm of an array.
+    """The window of what can change: an unknown, a parameter, the norm or the sum of an array.
 
     Its `ends` are those that are finite: their side, -1 or 1, value, and how far rounding may leave
     a step that should end there.
@@ -67,13 +67,16 @@ class Bound:
     low: float
     high: float
     ends: list[tuple[int, float, float]]
+    total: bool = False
 
     def value(self, z: Array) -> float:
         entries = z[self.slot]
+        if self.total:
+            return float(entries.sum())
         return float(entries if isinstance(self.slot, int) else np.linalg.norm(entries))
 
     def row(self, z: Array) -> Array:
-        row, alone = np.zeros(z.size), isinstance(self.slot, int)
+        row, alone = np.zeros(z.size), self.total or isinstance(self.slot, int)
         # d|u| = u . du / |u|
         row[self.slot] = 1.0 if alone else z[self.slot] / (self.value(z) or 1.0)
         return row
@@ -92,18 +95,21 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
     """The window and the domain of the problem, of all that can change."""
     problem = curve.problem
     wanted = {problem.normed(name) or name: window for name, window in within.items()}
-    for name in wanted.keys() & problem.record.keys() - {*problem.names}:
+    totals = wanted.keys() & problem.totals.keys()
+    for name in wanted.keys() & problem.record.keys() - {*problem.names} - totals:
         raise BadInput(
             f"{name!r} is recorded, and has no window; an event ends the branch where it has a "
             f"value: events=[cb.user({name!r}, value, terminal=True)]"
         )
-    problem.check_names(wanted)
+    problem.check_names(name for name in wanted if name not in totals)
     bounds, domains = [], windows(problem.domain)
     for name in {**domains, **wanted}:
         low, high = wanted.get(name, (-math.inf, math.inf))
         domain = domains.get(name, (-math.inf, math.inf))
         low, high = max(low, domain[0]), min(high, domain[1])
-        value: Any = problem.start.get(name, problem.params.get(name))
+        of = problem.totals[name] if name in totals else name
+        value: Any = problem.start.get(of, problem.params.get(of))
+        value = np.sum(value) if name in totals else value
         size = float(np.linalg.norm(value)) if np.ndim(value) else float(value)
         if not low < high:
             raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
@@ -115,14 +121,14 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
             )
         if not low <= size <= high:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
-        if name in curve.slots:
+        if of in curve.slots:
             if what != name and low == 0:
                 low = -math.inf  # no norm falls below 0
             finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
-            slot = curve.slots[name]
+            slot = curve.slots[of]
             size = float(np.max(curve.scales[slot]))  # what is 0 is rounded as what it is made of
             ends = [(side, end, 4 * math.ulp(end or size)) for side, end in finite]
-            bounds.append(Bound(name, slot, low, high, ends))
+            bounds.append(Bound(name, slot, low, high, ends, name in totals))
     return bounds
 
 
