@@ -104,6 +104,15 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
     return array
 
 
+def check_double(what: str, array: NDArray[Any]) -> None:
+    """Refuse numbers of single precision, as JAX makes them unless it is told otherwise."""
+    if array.dtype.kind in "fc" and np.finfo(array.dtype).eps > np.finfo(float).eps:
+        raise BadInput(
+            f"{what} has single precision, {array.dtype}, which is too coarse for continuation; "
+            "make its numbers float64 (with JAX: jax.config.update('jax_enable_x64', True))"
+        )
+
+
 def row(name: str, value: object, wanted: str) -> NDArray[np.float64]:
     """A row of finite floats, at least one, or a sentence; a number is a row of one."""
     entries = np.atleast_1d(numbers(name, value))

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..checks import brief
+from ..checks import brief, check_double
 from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose, directional
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
@@ -47,6 +47,7 @@ def check_function(
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
     if params != p or not np.array_equal(state, x):
         raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
+    check_double(f"what {name} returns", np.asarray(returned))
     if shape == () and np.asarray(returned).dtype == bool:
         raise BadInput(
             f"{name} is {returned} {where}; a number was expected, positive inside and zero where "

@@ -330,3 +330,13 @@ def test_a_table_of_the_users_own_without_an_entry_is_an_error_of_its_own(residu
     problem = cb.Problem(residual, {"x": 1.0}, {"mu": 1.0}, **more)
     with pytest.raises(KeyError, match="mu"):
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
+
+
+def test_equations_in_single_precision_are_refused() -> None:
+    def circle(x, p):
+        return np.array([x[0] ** 2 + p["mu"] ** 2 - 1], dtype=np.float32)
+
+    with pytest.raises(BadInput, match="single precision, float32"):
+        cb.trace(cb.Problem(circle, {"x": 1.0}, {"mu": 0.0}), "mu")
+    with pytest.raises(BadInput, match="what f returns has single precision"):
+        cb.equilibrium(lambda t, x, p: np.float32(p["mu"] - x), {"x": 1.0}, {"mu": 1.0})

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...checks import check_double
 from ...errors import BadInput
 from ..algebra import derivatives
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
@@ -27,6 +28,7 @@ def check_start(curve: Curve) -> Array:
         ) from error
     if value.dtype == bool:
         raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
+    check_double("the residual", value)
     given, at = list[tuple[str, Any, tuple[int, ...]]](), (z[:n].copy(), curve.params(z))
     try:
         if callable(problem.jacobian):
