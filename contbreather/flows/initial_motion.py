@@ -175,11 +175,12 @@ def _forced(flow: Flow, run: Run, begin: Begin, length: float, most: int, angles
         strides = abs(np.diff(moved, prepend=first)).max(axis=0)
         if off.min() <= _ALIKE:
             periods += int((off <= max(3 * off.min(), _ALIKE)).argmax())
-        elif most > 1 and (np.diff(strides) > 0).all():
+        # what leaves an orbit that repels from beside it is slow against its size
+        elif most > 1 and strides[0] > _BACK * abs(state).max() and (np.diff(strides) > 0).all():
             left, end = (brief([float(f"{of:.3g}") for of in x]) for x in (state, moved[:, -1]))
             raise NotConverged(
                 f"the simulation runs away, ever faster: its state goes from {left} to {end} in "
-                f"{most} periods; start elsewhere"
+                f"{most} periods; let it settle longer (settle=), or start elsewhere"
             )
     return ran, t0, t0 + length * periods
 

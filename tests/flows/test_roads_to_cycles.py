@@ -411,3 +411,17 @@ def test_the_period_of_several_flows_has_a_window() -> None:
     assert branch[0]["I"] == pytest.approx(1 / (1 - 1.5 * math.exp(-2)), abs=1e-10)
     with pytest.raises(BadInput, match=r"period=1\.09861, outside"):
         cb.trace(cycle, "I", within={"period": (0, 1)})
+
+
+def test_what_leaves_a_threshold_slowly_does_not_run_away() -> None:
+    """Of a population with an Allee effect in seasons, from 2 % above the orbit that repels."""
+
+    def grows(t, x, p):
+        least = 0.3 + 0.05 * np.cos(TURN * t)
+        return [0.1 * x[0] * (x[0] / least - 1) * (1 - x[0])]
+
+    def moved(n):
+        return solve_ivp(grows, (0, 1), [n], args=({},), rtol=1e-11, atol=1e-13).y[0, -1] - n
+
+    found = cb.cycle(grows, {"n": 0.302}, {}, period=1.0, settle=1)
+    assert cycle_of(found).states(0.0)[0] == pytest.approx(brentq(moved, 0.2, 0.4), abs=1e-8)
