@@ -286,12 +286,14 @@ class _Reached:
     def vanishing(self) -> DefiningSystem:
         """The equations of VI, up to an inflection: beyond the condition is passed before."""
         said = {"said": f"the condition of flow {self.flow} has an inflection where that ends"}
-        bends = Event("VI-GR", self._bend, examine=lambda point: said, ends="domain")
+        bends = Event("VI-GR", self._bent, examine=lambda point: said, ends="domain")
         return replace(self.system(), events=(bends,))
 
-    def _bend(self, point: Point) -> float:
+    def _bent(self, point: Point) -> float:
+        return self.bend(point.base_point.solution)
+
+    def bend(self, orbit: Cycle) -> float:
         """Evaluate the second derivative of the condition along the flow, where that ends."""
-        orbit: Cycle = point.base_point.solution
         flight, p = orbit.flights[self.flow], orbit.params
         t, x, field = flight.last, flight.end, self.equations.flows[self.flow].f
         way = np.append(values(field, t, x[:, None], p)[:, 0], 1.0)
@@ -530,8 +532,16 @@ def _shares(orbit: Cycle) -> Iterator[Margin]:
 
 
 def _touches(orbit: Cycle, flow: int) -> bool:
-    """Tell whether the condition that ends a flow is all but touched, as at a tangency or VI."""
-    return orbit.paces[flow][1] < 1e-2  # of its largest rate
+    """Tell whether the condition that ends a flow is all but touched, as at a tangency or VI: it
+    falls slowly against its largest rate, and while the next flow lasts that changes it."""
+    rate, pace = orbit.paces[flow]
+    if pace >= 1e-2:
+        return False
+    equations, until = orbit.equations, orbit.equations.flows[flow].until
+    assert until is not None
+    lasts = orbit.flights[(flow + 1) % len(orbit.flights)].duration
+    bend = abs(_Reached(equations, flow, until, 1.0, slice(1)).bend(orbit))
+    return bool(1e-2 * abs(rate) < bend * max(lasts, SHORTEST * orbit.period))
 
 
 def _collisions(orbit: Cycle) -> Iterator[Margin]:

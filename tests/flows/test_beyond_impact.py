@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
+from scipy.optimize import brentq
 
 import contbreather as cb
 
@@ -284,3 +285,38 @@ def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() 
     branch = cb.trace(ball, "A", within={"A": (1.05, 5)})
     assert [point.kind for point in branch.special] == ["EP", "CC"]
     assert branch[-1]["A"] == pytest.approx(np.sqrt(1 + np.pi**2), abs=1e-12)
+
+
+def test_the_curve_of_a_ball_that_sticks_no_more_goes_on_until_it_hardly_rebounds() -> None:
+    """It rebounds once, by e, before it sticks, and comes down where it would take off again:
+    slowly against its fall before, which is no tangency."""
+
+    def table(t: Any, x: Any, p: Any) -> Any:
+        return [p["A"] * np.sin(t), p["A"] * np.cos(t)]
+
+    def rebounds(t: Any, x: Any, p: Any) -> Any:
+        return [x[0], -p["e"] * x[1] + (1 + p["e"]) * table(t, x, p)[1]]
+
+    def strikes(reset: Any) -> cb.Flow:
+        return cb.Flow(
+            lambda t, x, p: [x[1], -1.0], lambda t, x, p: x[0] - table(t, x, p)[0], reset
+        )
+
+    stick = cb.Flow(
+        lambda t, x, p: [x[1], -table(t, x, p)[0]], lambda t, x, p: 1 - table(t, x, p)[0], table
+    )
+    flows, start = [stick, strikes(rebounds), strikes(table)], {"y": 0.0, "v": 2.0}
+    ball = cb.cycle(flows, start, {"A": 2.7, "e": 0.02}, period=2 * np.pi, settle=10)
+    collides = cb.trace(ball, "A", within={"A": (2.7, 3.2)}).first("CC")
+    curve = cb.boundary(collides, ("A", "e"), within={"e": (0.003, 0.03)}, towards="up")
+    assert [point.kind for point in curve.special] == ["EP", "EP"]
+    A, off = curve[-1]["A"], np.arcsin(1 / curve[-1]["A"])
+
+    def height(t: float) -> float:  # above the table until it comes down first
+        return 1 + A * np.cos(off) * (t - off) - (t - off) ** 2 / 2 - A * np.sin(t)
+
+    down = brentq(height, off + 5, off + 6.25, xtol=1e-14)
+    y, v = table(down, None, {"A": A})
+    again = off + 2 * np.pi - down
+    rebound = v + 0.003 * (v - A * np.cos(off) + down - off)
+    assert y + rebound * again - again**2 / 2 == pytest.approx(1, abs=1e-9)
