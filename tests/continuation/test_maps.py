@@ -206,6 +206,8 @@ def test_a_tongue_of_a_map_is_walked_round_once() -> None:
         x = np.array(resonant(x, {"m": 0.0}))
     cycle = FixedPoint(resonant, {"u": x[0], "v": x[1]}, {"m": 0.0}, period=3)
     branch = trace(cycle, "m", within={"m": (-1, 1)})
-    assert branch.stop.name == "CLOSED"
-    assert [point.kind for point in branch.special] == ["LP", "LP"]
+    again = trace(branch.first("LP"), "m", within={"m": (-1, 1)})
+    for once in (branch, again):
+        assert once.stop.name == "CLOSED"
+        assert [point.kind for point in once.special] == ["LP", "LP"]
     assert branch["m"].min() == pytest.approx(-branch["m"].max(), abs=1e-9)

@@ -175,10 +175,21 @@ class Stepper:
         """The start, and the same solution with other unknowns; how the curve leaves them, and the
         planes across it."""
         curve, home, homes = self.curve, self.home, [(self.home, self.outwards, self.across)]
-        along = np.append(np.zeros(home.z.size - 1), self.outwards[-1])
-        for x in () if self.crossed else curve.problem.phases(home.x, curve.params(home.z)):
+        same = np.eye(home.z.size)[-1]  # in the parameter; next to a fold across the curve
+
+        def phases(z: Array) -> list[Array]:
+            known = () if self.crossed else curve.problem.phases(z[: curve.size], curve.params(z))
+            return [np.append(x, z[curve.size :]) for x in known]
+
+        pairs: Any = ()
+        with suppress(*OUT_OF_DOMAIN):
+            ahead = home.z + self.steps.first * self.outwards
+            pairs = zip(phases(home.z), phases(ahead), strict=True)
+        for z, beyond in pairs:
             with suppress(StepFailed, *OUT_OF_DOMAIN):
-                z = self.correct(np.append(x, home.z[curve.size :]), along).z
+                along = curve.normalised(beyond - z)
+                row = same if abs(self.outwards[-1]) > self.steps.first else curve.metric * along
+                z = self.correct(z, row).z
                 tangent = curve.tangent_at(z, along)[0]
                 homes.append((replace(home, z=z, tangent=tangent), tangent, curve.metric * tangent))
         return homes
