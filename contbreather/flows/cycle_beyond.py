@@ -220,7 +220,8 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     if more:
         known = all(_ends(of, flights[i], 1.0, p) for of in (hit[0].until, met.until))
     else:
-        known = isinstance(met.until, Clock) and flights[i].duration < SHORTEST * orbit.period
+        clocked = isinstance(met.until, Clock) and hit[0].reset is None
+        known = clocked and flights[i].duration < SHORTEST * orbit.period
     if not known or "at once" in point.detail:
         raise Undefined(f"{_UNKNOWN}where flows begin and end at once they do in another order")
     if more:

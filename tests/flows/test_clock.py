@@ -142,3 +142,16 @@ def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
         assert len(arm[-1].solution.flights) == pieces
         (same,) = (point for point in branch if point["R"] == arm[-1]["R"])
         assert arm[-1]["max(i)"] == pytest.approx(same["max(i)"], abs=1e-10)
+
+
+def test_beyond_a_flow_that_a_reset_begins_is_not_known() -> None:
+    """Half of an inverter's orbit: on for d, off up to 1/2, and the mirror image of that."""
+    on = cb.Flow(lambda t, x, p: [1 - x[0]], at=lambda p: 2 * p["d"])
+    off = cb.Flow(lambda t, x, p: [-x[0]], at=0, reset=lambda t, x, p: [-x[0]])
+    inverter = cb.cycle([on, off], {"i": 0.0}, {"d": 0.3}, period=0.5, settle=30)
+    never, always = cb.trace(inverter, "d", within={"d": (-0.2, 0.8)}, towards="both").special
+    assert [never["d"], always["d"]] == pytest.approx([0, 0.5], abs=1e-12)
+    with pytest.raises(NothingToSwitch, match="in another order"):
+        cb.switch(never)
+    (arm,) = cb.switch(always, within={"d": (-0.2, 0.8)})
+    assert arm[-1]["max(i)"] == pytest.approx(np.tanh(0.25), abs=1e-9)
