@@ -494,10 +494,10 @@ class FlowEquations:
         """Measure how far each state is moved where whole turns are taken back, or by the reset of
         a smooth flow, if all alike: a turn of an angle, and no mirror."""
         last = self.flows[-1].reset
-        if isinstance(last, TurnedBack) and not self.smooth:
+        if isinstance(last, TurnedBack) and not (self.smooth and last.reset):
             own = [f.dimension == last.turns.size for f in self.start]
             parts = zip(own, self.layout.nodes, strict=True)
-            return np.hstack([np.resize(abs(last.turns) * has, node.size) for has, node in parts])
+            return np.hstack([np.resize(last.single * has, node.size) for has, node in parts])
         if not self.smooth or last is None:
             return None
         states = x[self.layout.nodes[0]].T

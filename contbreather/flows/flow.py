@@ -265,6 +265,12 @@ class TurnedBack:
 
     turns: Array  # shape (n,)
     reset: Function | None
+    whole: Array | float = math.inf  # a single turn of each state that is an angle, where known
+
+    @property
+    def single(self) -> Array:
+        """A single turn of each state of which some are taken back, 0 of others."""
+        return np.minimum(abs(self.turns), self.whole)
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
         evaluated = at_state if np.ndim(x) == 1 else values

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain
@@ -33,9 +34,9 @@ def unturned(
     return parts, pieces, turns
 
 
-def turned_back(flow: Flow, turns: Array) -> Flow:
+def turned_back(flow: Flow, turns: Array, whole: Array | float = math.inf) -> Flow:
     """Let a flow end with whole turns taken back."""
-    return replace(flow, reset=TurnedBack(turns, flow.reset)) if turns.any() else flow
+    return replace(flow, reset=TurnedBack(turns, flow.reset, whole)) if turns.any() else flow
 
 
 def moves(flow: Flow) -> bool:
@@ -102,4 +103,4 @@ class Angles:
 
     def taken_from(self, flow: Flow, moved: Array) -> Flow:
         """Let a flow end with the whole turns that an orbit makes taken back."""
-        return turned_back(flow, self.turns(moved))
+        return turned_back(flow, self.turns(moved), self.turn)

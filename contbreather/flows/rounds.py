@@ -12,8 +12,10 @@ import numpy as np
 from ..continuation.algebra.newton import Array
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations
+from .flow import TurnedBack
 from .functions import Function, Params, values
 from .jacobian import FieldWithJacobian, at_other_time
+from .rotation import moves
 
 RETURNS = 24  # so many flows back is looked for a return
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -55,7 +57,7 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
     a mesh that begins elsewhere knows it; of several flows, from where the same ones follow."""
     flows, written = equations.flows, []
     if equations.smooth:
-        later = [] if flows[0].reset else range(1, equations.turns)
+        later = [] if moves(flows[0]) else range(1, equations.turns)
     else:
         later = [i for i in range(1, len(flows)) if (*flows[i:], *flows[:i]) == flows]
     if not later:
@@ -63,6 +65,8 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
     flights = equations.flights(x, p)
     period = sum(flight.duration for flight in flights)
     again = [*flights, *(replace(flight, start=flight.start + period) for flight in flights)]
+    if equations.smooth and isinstance(back := flows[0].reset, TurnedBack):
+        again[1] = replace(again[1], states=again[1].states + back.turns)
     for i in later:
         pieces = again[i : i + len(flows)]
         if equations.smooth:

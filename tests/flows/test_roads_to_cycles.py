@@ -342,6 +342,23 @@ def test_a_tongue_of_the_third_order_is_walked_round_once() -> None:
     assert last.states(0.0) == pytest.approx(first.states(first.period / 3), abs=1e-6)
 
 
+@pytest.mark.parametrize(("current", "periods", "turns"), [(1.9, 1, 2), (1.7, 2, 3)])
+def test_a_step_of_a_junction_is_walked_round_once(current, periods, turns) -> None:
+    """Its phase is the same a turn later, and after each period of the drive (Shapiro steps)."""
+
+    def junction(t, x, p):
+        return [x[1], 2 * (p["I"] - x[1] - np.sin(x[0]) + 2 * np.cos(t))]
+
+    start, wraps = {"delta": 0.0, "v": 1.0}, {"delta": TURN}
+    step = cb.cycle(junction, start, {"I": current}, period=TURN, wraps=wraps, settle=600)
+    branch = cb.trace(step, "I", within={"I": (1, 3)})
+    first = branch[0].solution
+    gained = first.flights[0].end - first.flights[0].states[0]
+    assert (first.period, gained[0]) == pytest.approx((TURN * periods, TURN * turns), rel=1e-9)
+    assert branch.stop.name == "CLOSED"
+    assert [point.kind for point in branch.special] == ["LP", "LP"]
+
+
 def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
     """x' = I - x + 0.95 cos 2 pi t, from 0 to 1: the folds are the extreme currents at which the
     second spike after one at t comes at t + 1."""
