@@ -21,7 +21,7 @@ from ..checks import brief, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.newton import Array
 from ..continuation.walk.trace import trace
-from ..errors import BadInput, ContbreatherError, NoSolution
+from ..errors import BadInput, ContbreatherError, NoSolution, NotConverged
 from ..flows.collocation import Collocation, TrajectorySegment, fitted
 from ..flows.cycle_constructors import cycle
 from ..flows.cycle_problem import Cycle, cycle_of
@@ -294,14 +294,16 @@ def between_walls_without_coupling(
         orbits[one.site] = known[one.kind] = known.get(one.kind) or _impacting(chain, one)
     first = orbits[next(iter(code))].flights[0]
     begin, x = first.start + 0.5 * first.duration, np.zeros(2 * chain.sites)
-    free = chain.V.given == "0"  # so that without any coupling nothing holds the sites
-    if not free:  # the others beside rest, whether that attracts or not
-        period = forcing_period(0.0, None, p)
-        samples = np.linspace(0, period, 9), np.zeros((x.size, 9))
-        x = cycle_of(cycle(chain, samples, p, period=period, events=())).states(begin)
+    # the others beside rest, whether that attracts or not; without a potential nothing holds them
+    held = chain.onsite * (chain.V.given != "0")
+    idle, rest = [n for n in range(chain.sites) if n not in code], dict[Any, Cycle]()
+    for one in (SingleOscillator(chain, n, p) for n in idle if held[n]):
+        rest[one.kind] = rest.get(one.kind) or _beside_rest(chain, one)
+        x[[one.site, chain.sites + one.site]] = rest[one.kind].states(begin)
     for n, orbit in orbits.items():
         x[[n, chain.sites + n]] = orbit.states(begin)
-    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), _LEAST if free else 0.0
+    share = 0.0 if held[idle].all() else _LEAST
+    return *_from_impact_to_impact(chain, code, p, begin, x, scheme), share
 
 
 def in_another_order(
@@ -346,6 +348,19 @@ def _from_impact_to_impact(
         flights.append(fitted(scheme, begin, t - begin, run.sol))
         x = Bounce(chain, met[-1])(t, x, p)
     return between_walls(chain, met[1:]), tuple(flights[1:])
+
+
+def _beside_rest(chain: Oscillators, one: SingleOscillator) -> Cycle:
+    """The orbit without impacts of one site without coupling."""
+    period = forcing_period(0.0, None, one.params)
+    how: dict[str, Any] = {"period": period, "events": ()}
+    try:
+        samples = np.linspace(0, period, 9), np.zeros((2, 9))
+        return cycle_of(cycle(single_field(chain, one), samples, one.params, **how))
+    except NotConverged as error:
+        raise NoSolution(
+            f"site {one.site}: alone no orbit of the period of the drive is found beside rest"
+        ) from error
 
 
 def _impacting(chain: Oscillators, one: SingleOscillator) -> Cycle:

@@ -261,6 +261,26 @@ def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatc
         cb.breather(chain, {2: 1}, omega=1.0, params={"a": 0.03, "c": 0.05})
 
 
+@pytest.mark.parametrize(
+    ("V", "onsite", "a"),
+    [
+        ("u**2/20 + u**3/30 + u**4/40", [1, 1], 1.16),  # beside rest the first one has no orbit
+        ("u**2/20", [1, 0], 0.6),  # nothing but its bond holds the second one
+    ],
+)
+def test_sites_that_impact_need_no_orbit_beside_rest_nor_idle_ones_a_potential(
+    V, onsite, a
+) -> None:
+    chain = cb.Oscillators(
+        V, "c*r**2/2", cb.OpenChain(2, drive=[1, 0.2]), onsite=onsite, damping=0.05,
+        drive="a*cos(omega*t)", walls=1.0, k=0.8,
+    )  # fmt: skip
+    hit = cb.breather(chain, {0: 1}, omega=1.0, params={"a": a, "c": 0.03})
+    run = cb.integrate(hit, periods=1.2)
+    assert len(run.events) == 2
+    np.testing.assert_allclose(run.final, hit.solution.states(run.t[-1]), atol=1e-8)
+
+
 def test_a_breather_behind_a_wall_is_refused_with_the_site() -> None:
     """The site between two that impact comes to 1.029 at c = 0.02, where its walls are at 1."""
     chain = cb.Oscillators(
