@@ -63,7 +63,7 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
+def contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
     """Measure a contact beyond none: its duration, or the velocity of an impact."""
     equations, x = curve.problem.residual, z[: curve.size]
     if short is None:
@@ -132,20 +132,20 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
+    made = made_of(equations, parts, pieces)
     made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    contacts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
+    lasts = partial(contacts, len(hit) - 1 if more else flow, short or None)
     wall, near = hit[0].until, short / made.start[0].duration
     height = partial(_height, wall, flow, part) if more else partial(_lowest, wall, part, near)
-    margins = height, contacts
+    margins = height, lasts
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
     if more and not short:  # the rebound, along its way: in a plane the parameter turns there
         row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]
-    return _switching(point, made, row, margins if more else margins[::-1], weight)
+    return passing(point, made, row, margins if more else margins[::-1], weight)
 
 
-def _switching(
+def passing(
     point: Point, made: FlowEquations, row: Any, margins: Sequence[Margin], weight: Any = 1.0
 ) -> SwitchingProblem:
     """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there."""
@@ -190,12 +190,12 @@ def _at_edge(point: Point) -> SwitchingProblem:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
     parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
-    lasts = partial(_contacts, place if more else i, least)
+    made = made_of(equations, parts, pieces)
+    lasts = partial(contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
     margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
+    return passing(point, made, row, margins if more else margins[::-1])
 
 
 def _at_collision(point: Point, guard: str) -> SwitchingProblem:
@@ -207,9 +207,8 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     flows, flights, turns = unturned(equations.flows, orbit.flights)
     parts, pieces = list(flows), list(flights)
     if guard == "until" and _exchanged(parts, pieces, SHORTEST * orbit.period, p):
-        made = _made_of(equations, parts, pieces)
-        contacts = partial(_contacts, i, 0.0)
-        return _switching(point, made, made.layout.lengths[i], (contacts, contacts))
+        made, lasts = made_of(equations, parts, pieces), partial(contacts, i, 0.0)
+        return passing(point, made, made.layout.lengths[i], (lasts, lasts))
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
@@ -232,24 +231,19 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
         del parts[i], pieces[i]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
+    made = made_of(equations, parts, pieces)
     ended = i if more else (i - 1) % len(flows) - (i == 0)
-    margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
+    margins = partial(_height, hit[0].until, ended, 1.0), partial(contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
+    return passing(point, made, row, margins if more else margins[::-1])
 
 
 def _exchanged(flows: list[Flow], flights: list[TrajectorySegment], short: float, p: Any) -> bool:
     """Let impacts that come at once do so in the other order, in place, if each is known as a wall
     of the flow that the other one ends and the state after both is the same either way."""
     for i in [i for i, flight in enumerate(flights) if flight.duration < short]:
-        first, second, t, x = (
-            flows[i - 1],
-            flows[i],
-            flights[i - 1].last,
-            flights[i - 1].end[:, None],
-        )
-        a, b = first.reset, second.reset
+        first, second, arrives = flows[i - 1], flows[i], flights[i - 1]
+        t, x, a, b = arrives.last, arrives.end[:, None], first.reset, second.reset
         if not (a and b and first.meets(second) and second.meets(first)):
             return False
         alone = values(b, t, x, p)
@@ -262,7 +256,7 @@ def _exchanged(flows: list[Flow], flights: list[TrajectorySegment], short: float
     return True
 
 
-def _made_of(
+def made_of(
     equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
 ) -> FlowEquations:
     """Make the cycle of other flows; meshes measure the motion as it is, not as it was where the

@@ -312,22 +312,36 @@ def in_another_order(
     """Go on where sites that impacted at once do so one after the other, as a little coupling tells
     first, or beyond where two of them come to their walls at once: flows, an orbit of them and its
     share of the coupling. None where neither is."""
-    flights, share, wall = [*orbit.flights], orbit.params[SHARE], chain.walls(0.0, orbit.params)
-    met = [cast("Any", flow.reset).impacts for flow in orbit.equations.flows]
-    off = (abs(f.end[n]) - wall for f, at in zip(flights, met, strict=True) for n, _ in at)
+    share, wall = orbit.params[SHARE], chain.walls(0.0, orbit.params)
+    off = (
+        abs(f.end[n]) - wall for f, at in zip(orbit.flights, met(orbit), strict=True) for n, _ in at
+    )
     if max(map(abs, off)) > _AT_ONCE * wall or (share == LITTLE and len(sites) > 1):
-        longest = max(flights, key=attrgetter("duration"))
+        longest = max(orbit.flights, key=attrgetter("duration"))
         begin = longest.start + 0.5 * longest.duration
         x = orbit.states(begin)
         return *_from_impact_to_impact(chain, sites, orbit.params, begin, x, scheme), share
     shrunk = np.flatnonzero((orbit.durations <= _SHRUNK * orbit.period) & (share < 1.0))
+    return (*exchanged(orbit, chain, shrunk), min(1.0, share + _BEYOND)) if shrunk.size else None
+
+
+def met(orbit: Cycle) -> list[Any]:
+    """The impacts that end each flow."""
+    return [cast("Any", flow.reset).impacts for flow in orbit.equations.flows]
+
+
+def exchanged(
+    orbit: Cycle, chain: Oscillators, shrunk: Collection[int]
+) -> tuple[tuple[Flow, ...], tuple[TrajectorySegment, ...]]:
+    """Make the flows, and an orbit of them, with the impacts before and after each of these flows,
+    which last no time, in the other order."""
+    flights, impacts = [*orbit.flights], met(orbit)
     for i in shrunk:
-        met[i - 1], met[i] = met[i], met[i - 1]
-        bounce, short = Bounce(chain, met[i - 1]), flights[i]
+        impacts[i - 1], impacts[i] = impacts[i], impacts[i - 1]
+        bounce, short = Bounce(chain, impacts[i - 1]), flights[i]
         after = bounce(0.0, flights[i - 1].end, orbit.params)
         flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
-    beyond = min(1.0, share + _BEYOND)
-    return (between_walls(chain, met), tuple(flights), beyond) if shrunk.size else None
+    return between_walls(chain, impacts), tuple(flights)
 
 
 def _from_impact_to_impact(

@@ -51,9 +51,10 @@ from ..flows.conservative_events import (
     examine_place,
     followed,
 )
-from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
+from ..flows.cycle_beyond import contacts, made_of, passing
+from ..flows.cycle_events import AT_ONCE, BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing, top
-from ..flows.equations import FlowEquations
+from ..flows.equations import FlowEquations, equations_of
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.homoclinic import HOMOCLINIC
@@ -63,7 +64,7 @@ from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
 from ..storage.serialise import serialised
-from .anticontinuum import forcing_period, refuse_other_period, resonance
+from .anticontinuum import exchanged, forcing_period, refuse_other_period, resonance
 from .oscillator_lattice import SHARE, Oscillators, between_walls
 
 COLUMNS = {"energy": "energy", "max|u|": "farthest"}
@@ -458,13 +459,26 @@ class BreatherProblem(CycleProblem):
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):
             return {"PD": _doubled_half, "PF": _whole}.get(kind)
-        return super().lift(kind)
+        return _in_the_other_order if kind == "CC" else super().lift(kind)
 
     @staticmethod
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
         getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
         return {"unstable": UNSTABLE, **getters}
+
+
+def _in_the_other_order(point: Point) -> SwitchingProblem:
+    """Make the orbit on which sites that come to their walls at once do so in the other order, all
+    of them where a symmetry has several pairs of them do so."""
+    orbit: Breather = point.solution
+    shrunk = np.flatnonzero(orbit.durations < AT_ONCE * orbit.period)
+    if {*shrunk} & {*(shrunk - 1) % len(orbit.flights)}:
+        raise Undefined("in which order three impacts follow that come at once is not known")
+    flows, flights = exchanged(orbit, orbit.chain, shrunk)
+    made, i = made_of(equations_of(point), flows, flights), point.detail["flow"]
+    lasts = partial(contacts, i, 0.0)
+    return passing(point, made, made.layout.lengths[i], (lasts, lasts))
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:

@@ -250,6 +250,24 @@ def test_where_two_sites_come_to_their_walls_at_once_they_do_in_the_other_order_
     assert touches.max() == pytest.approx(1, abs=1e-5)
 
 
+@pytest.mark.parametrize(("sites", "beyond"), [([0, 1], "PF"), ([0, 2], "NS")])
+def test_beyond_a_corner_collision_sites_impact_in_the_other_order(sites, beyond) -> None:
+    """Orbits from impact to impact do not mind the order, within half of a symmetric one."""
+    params, window = {"a": 0.6, "gamma": 0.06, "k": 0.8}, {"gamma": (0.06, 0.2)}
+    chain = cb.Oscillators(
+        W="gamma*r**2/2", lattice=cb.OpenChain(4), damping=0.05, drive="-a*cos(t)", walls=1.0, k="k"
+    )
+    two = cb.breather(chain, sites, omega=1.0, params=params)
+    collision = cb.trace(two, "gamma", within=window, towards="up").first("CC")
+    (arm,) = cb.switch(collision, within=window)
+    assert arm[0]["beyond"] == "persists"
+    orbit = cb.multibreather(sites, damping=0.05, lattice=cb.OpenChain(4), **params)
+    events = [cb.pitchfork(), cb.neimark_sacker(threshold=1.0), cb.grazing()]
+    shot = cb.trace(orbit, "gamma", within=window, events=events, towards="up")
+    for kind, of in ((beyond, "BP" if beyond == "PF" else beyond), ("GR", "GR")):
+        assert abs(arm.first(of)["gamma"] - shot.first(kind)["gamma"]) < 1e-8
+
+
 def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatch) -> None:
     """No return of it is waited for, which takes minutes where it hardly moves."""
     monkeypatch.setattr(anticontinuum, "_VELOCITIES", (1.0,))
