@@ -216,7 +216,7 @@ class _Nearest:
         once = {
             (other.flow, other.guard): other.said
             for other in others
-            if other.value < AT_ONCE and other.guard
+            if other.value < AT_ONCE and (other.guard or self.kind == "VI")
         }
         more = {"at once": "; ".join(once.values())} if len(once) > 1 else {}
         return {"said": least.said, "flow": least.flow, **guard, **more}

@@ -268,6 +268,20 @@ def test_beyond_a_corner_collision_sites_impact_in_the_other_order(sites, beyond
         assert abs(arm.first(of)["gamma"] - shot.first(kind)["gamma"]) < 1e-8
 
 
+def test_impacts_on_both_walls_that_vanish_at_once_are_named() -> None:
+    """The linear response has the amplitude of the walls there, and is its own mirror image."""
+    chain = cb.Oscillators(
+        "u**2/20", "c*r**2/2", cb.OpenChain(2, drive=[1, 0.2]), damping=0.05,
+        drive="a*cos(omega*t)", walls=1.0, k=0.5,
+    )  # fmt: skip
+    hit = cb.breather(chain, {0: 1}, omega=1.0, params={"a": 0.6, "c": 0.03})
+    end = cb.trace(hit, "a", within={"a": (0.02, 1.0)}, towards="down").first("VI")
+    stiffness = np.diag([0.1 - 1 + 0.05j] * 2) + 0.03 * np.array([[1, -1], [-1, 1]])
+    assert end["a"] == pytest.approx(1 / abs(np.linalg.solve(stiffness, [1, 0.2])[0]), abs=1e-9)
+    with pytest.raises(cb.errors.BadInput, match=r"reaches its lower .*reaches its upper wall"):
+        cb.switch(end, within={"a": (0.02, 1.0)})
+
+
 def test_a_site_that_comes_to_its_walls_too_seldom_is_refused_at_once(monkeypatch) -> None:
     """No return of it is waited for, which takes minutes where it hardly moves."""
     monkeypatch.setattr(anticontinuum, "_VELOCITIES", (1.0,))
