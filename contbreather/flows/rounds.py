@@ -89,8 +89,11 @@ def once(
         knots, (whole,) = np.linspace(0.0, 1.0, flights[0].knots.size), flights
         part = whole.on(knots / rounds)
         flights = [replace(part, knots=knots, duration=whole.duration / rounds)]
+    flows = equations.flows[: len(flights)]
+    if equations.smooth:
+        flows = (replace(flows[0], reset=_part(flows[0].reset, rounds)),)
     return replace(
-        equations, flows=equations.flows[: len(flights)], start=tuple(flights),
+        equations, flows=flows, start=tuple(flights),
         turns=equations.turns // rounds, sizes=sizes_of(flights, equations.units),
     )  # fmt: skip
 
@@ -103,7 +106,7 @@ def _repeats(
     if equations.turns % rounds and not equations.autonomous:
         return False
     if equations.smooth:
-        (flight,), reset = flights, flows[0].reset
+        (flight,), reset = flights, _part(flows[0].reset, rounds)
         s = np.linspace(0.0, 1 - 1 / rounds, _LOOKS * flight.knots.size)
         later = flight.at(s + 1 / rounds)
         if reset is not None:
@@ -116,6 +119,17 @@ def _repeats(
         and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
         <= _REPEATS * size.max()
         for flow, successor, now, then, size in pairs
+    )
+
+
+def _part(reset: Any, rounds: int) -> Any:
+    """The reset of an orbit of so many rounds after one, where whole turns are taken back."""
+    if not isinstance(reset, TurnedBack):
+        return reset
+    angles = reset.single > 0.0
+    turns = reset.turns[angles] / reset.single[angles] / rounds
+    return (
+        replace(reset, turns=reset.turns / rounds) if np.allclose(turns, turns.round()) else reset
     )
 
 

@@ -359,6 +359,21 @@ def test_a_step_of_a_junction_is_walked_round_once(current, periods, turns) -> N
     assert [point.kind for point in branch.special] == ["LP", "LP"]
 
 
+def test_a_rotation_of_two_periods_ends_where_one_of_a_single_one_doubles() -> None:
+    def swings(t, x, p):
+        return [x[1], p["I"] - 0.6 * x[1] - np.sin(x[0]) + 1.2 * np.cos(t)]
+
+    def rotates(torque):
+        start, how = {"theta": 0.0, "v": 0.5}, {"period": TURN, "wraps": {"theta": TURN}}
+        found = cb.cycle(swings, start, {"I": torque}, settle=400, **how)
+        return cb.trace(found, "I", within={"I": (0.1, 1.5)}, towards="both")
+
+    single, double = rotates(1.1), rotates(0.9)
+    assert [point.kind for point in double.special] == ["BP", "PD", "PD", "BP"]
+    doubles = sorted(point["I"] for point in single.special if point.kind == "PD")
+    assert [double[0]["I"], double[-1]["I"]] == pytest.approx(doubles, abs=1e-8)
+
+
 def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
     """x' = I - x + 0.95 cos 2 pi t, from 0 to 1: the folds are the extreme currents at which the
     second spike after one at t comes at t + 1."""
