@@ -142,10 +142,10 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
     if more and not short:  # the rebound, along its way: in a plane the parameter turns there
         row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]
-    return passing(point, made, row, margins if more else margins[::-1], weight)
+    return continued_as(point, made, row, margins if more else margins[::-1], weight)
 
 
-def passing(
+def continued_as(
     point: Point, made: FlowEquations, row: Any, margins: Sequence[Margin], weight: Any = 1.0
 ) -> SwitchingProblem:
     """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there."""
@@ -195,7 +195,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
     margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
-    return passing(point, made, row, margins if more else margins[::-1])
+    return continued_as(point, made, row, margins if more else margins[::-1])
 
 
 def _at_collision(point: Point, guard: str) -> SwitchingProblem:
@@ -208,7 +208,7 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     parts, pieces = list(flows), list(flights)
     if guard == "until" and _exchanged(parts, pieces, SHORTEST * orbit.period, p):
         made, lasts = made_of(equations, parts, pieces), partial(contacts, i, 0.0)
-        return passing(point, made, made.layout.lengths[i], (lasts, lasts))
+        return continued_as(point, made, made.layout.lengths[i], (lasts, lasts))
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
@@ -235,7 +235,7 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     ended = i if more else (i - 1) % len(flows) - (i == 0)
     margins = partial(_height, hit[0].until, ended, 1.0), partial(contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
-    return passing(point, made, row, margins if more else margins[::-1])
+    return continued_as(point, made, row, margins if more else margins[::-1])
 
 
 def _exchanged(flows: list[Flow], flights: list[TrajectorySegment], short: float, p: Any) -> bool:

@@ -51,7 +51,7 @@ from ..flows.conservative_events import (
     examine_place,
     followed,
 )
-from ..flows.cycle_beyond import contacts, made_of, passing
+from ..flows.cycle_beyond import contacts, continued_as, made_of
 from ..flows.cycle_events import AT_ONCE, BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing, top
 from ..flows.equations import FlowEquations, equations_of
@@ -478,7 +478,7 @@ def _in_the_other_order(point: Point) -> SwitchingProblem:
     flows, flights = exchanged(orbit, orbit.chain, shrunk)
     made, i = made_of(equations_of(point), flows, flights), point.detail["flow"]
     lasts = partial(contacts, i, 0.0)
-    return passing(point, made, made.layout.lengths[i], (lasts, lasts))
+    return continued_as(point, made, made.layout.lengths[i], (lasts, lasts))
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:

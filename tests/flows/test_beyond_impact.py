@@ -13,6 +13,7 @@ from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather.flows import cycle_of
 
 from .zoo import across, van_der_pol
 
@@ -320,3 +321,36 @@ def test_the_curve_of_a_ball_that_sticks_no_more_goes_on_until_it_hardly_rebound
     again = off + 2 * np.pi - down
     rebound = v + 0.003 * (v - A * np.cos(off) + down - off)
     assert y + rebound * again - again**2 / 2 == pytest.approx(1, abs=1e-9)
+
+
+def test_beyond_a_corner_collision_two_neurons_fire_in_the_other_order() -> None:
+    """At 1.5 + d and 1.5, driven alike: at once where d = 0. Each is as it is alone."""
+
+    def rate(current: Any, x: Any, t: Any) -> Any:
+        return current - x + 0.9 * np.cos(2 * np.pi * t)
+
+    def alone(current: float) -> float:
+        one = cb.Flow(
+            lambda t, x, p: [rate(current, x[0], t)],
+            lambda t, x, p: 1 - x[0],
+            lambda t, x, p: [0 * x[0]],
+        )
+        (mu,) = cycle_of(cb.cycle([one], {"x": 0.1}, {}, period=1.0, settle=100)).multipliers
+        return float(mu.real)
+
+    def both(t: Any, x: Any, p: Any) -> Any:
+        return [rate(1.5 + p["d"], x[0], t), rate(1.5, x[1], t)]
+
+    fires = [
+        cb.Flow(both, lambda t, x, p: 1 - x[0], lambda t, x, p: [0 * x[0], x[1]]),
+        cb.Flow(both, lambda t, x, p: 1 - x[1], lambda t, x, p: [x[0], 0 * x[1]]),
+    ]
+    flows = [cb.Flow(both, fires[i].until, fires[i].reset, (fires[1 - i],)) for i in (0, 1)]
+    pair = cb.cycle(flows, {"x": 0.1, "y": 0.0}, {"d": 0.02}, period=1.0, settle=100)
+    window = {"d": (-0.03, 0.03)}
+    corner = cb.trace(pair, "d", within=window, towards="both").first("CC")
+    assert corner["d"] == pytest.approx(0, abs=1e-12)
+    (arm,) = cb.switch(corner, within=window)
+    assert (arm[0]["beyond"], arm[-1]["d"]) == ("persists", -0.03)
+    found = sorted(arm[-1].solution.multipliers.real)
+    assert found == pytest.approx(sorted([alone(1.47), alone(1.5)]), abs=1e-8)
