@@ -64,7 +64,7 @@ from ..lattice.finite import whole_sites
 from ..one_thread import one_thread
 from ..stability.verdict import Verdict, verdict
 from ..storage.serialise import serialised
-from .anticontinuum import exchanged, forcing_period, refuse_other_period, resonance
+from .anticontinuum import exchanged, forcing_period, met, refuse_other_period, resonance
 from .oscillator_lattice import SHARE, Oscillators, between_walls
 
 COLUMNS = {"energy": "energy", "max|u|": "farthest"}
@@ -455,6 +455,14 @@ class BreatherProblem(CycleProblem):
         orbit: Breather = point.solution
         near, _ = resonance(orbit.chain, orbit.omega, orbit.params)
         return f"|u| is at most {orbit.farthest:.3g} there, and of its harmonics {near}"
+
+    def invariants(self, point: Point) -> Array | None:
+        numbers, orbit = super().invariants(point), point.solution
+        if numbers is None or orbit.chain.walls is None:
+            return numbers
+        impacts = met(orbit)  # at CC those of both orders are one orbit
+        first = min(impacts[i:] + impacts[:i] for i in range(len(impacts)))
+        return np.append(numbers, [number for at in first for impact in at for number in impact])
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):

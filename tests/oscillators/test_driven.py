@@ -261,6 +261,8 @@ def test_beyond_a_corner_collision_sites_impact_in_the_other_order(sites, beyond
     collision = cb.trace(two, "gamma", within=window, towards="up").first("CC")
     (arm,) = cb.switch(collision, within=window)
     assert arm[0]["beyond"] == "persists"
+    tree = cb.diagram(two, "gamma", within={"gamma": (0.06, 0.08)}, beyond=True)
+    assert [branch[-1]["gamma"] for branch in tree] == [pytest.approx(collision["gamma"]), 0.08]
     orbit = cb.multibreather(sites, damping=0.05, lattice=cb.OpenChain(4), **params)
     events = [cb.pitchfork(), cb.neimark_sacker(threshold=1.0), cb.grazing()]
     shot = cb.trace(orbit, "gamma", within=window, events=events, towards="up")
