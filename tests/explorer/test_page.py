@@ -372,6 +372,7 @@ def test_of_curves_of_two_problems_those_are_drawn_that_were_ticked_last() -> No
         (["given1", "given2"], (["given2"], "mu", "x")), ([], ([], "a", "p")),
         (["given1"], (["given1"], "a", "p")),
     ):  # fmt: skip
+        assert explorer.wait(HUNG)  # what a thread draws is not to pass this on its way
         page.shown.value = ticked
         codes = page.branches.key.data["word"][: len(wanted[0])]
         assert (codes, page.x.value, page.y.value) == wanted
