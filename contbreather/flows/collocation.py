@@ -215,6 +215,11 @@ class TrajectorySegment:
         points = _MOST_POINTS if self.dimension < _MANY else self.scheme.points
         return self.on(knots, Collocation(2 * self.scheme.intervals, points))
 
+    def resting(self, state: Array) -> TrajectorySegment:
+        """Return one of the same mesh that stays in a state, as one that lasts no time does."""
+        states, slopes = state + 0.0 * self.states, 0.0 * self.slopes
+        return replace(self, states=states, slopes=slopes)
+
     def sampled(self, per: int) -> tuple[Array, Array]:
         """Times from 0 to 1, `per` in each interval, and the states there, shape (n, times)."""
         inside = self.knots[:-1, None] + self.steps[:, None] * (np.arange(per) / per)

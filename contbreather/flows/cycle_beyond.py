@@ -63,7 +63,7 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
+def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
     """Measure a contact beyond none: its duration, or the velocity of an impact."""
     equations, x = curve.problem.residual, z[: curve.size]
     if short is None:
@@ -95,8 +95,8 @@ def _lowest(wall: Any, part: float, near: float, curve: Curve, z: Array) -> Arra
 
 
 def beyond_contact(point: Point) -> SwitchingProblem:
-    """Make the cycle of the flows that follow at GR and VI: one contact more where a wall is
-    touched, one less where it has shrunk to nothing or an impact has lost its velocity.
+    """Make the cycle of the flows that follow at GR, VI, SL and CC: one contact more where a wall
+    is touched, one less where it has shrunk to nothing or an impact has lost its velocity.
 
     The parameter moves by the square of how long a contact lasts, so that one which counts as none
     is there to begin with; it moves in proportion to the velocity of an impact, which may be 0.
@@ -132,20 +132,20 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
-    made = made_of(equations, parts, pieces)
+    made = _made_of(equations, parts, pieces)
     made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    lasts = partial(contacts, len(hit) - 1 if more else flow, short or None)
+    lasts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
     wall, near = hit[0].until, short / made.start[0].duration
     height = partial(_height, wall, flow, part) if more else partial(_lowest, wall, part, near)
     margins = height, lasts
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
     if more and not short:  # the rebound, along its way: in a plane the parameter turns there
         row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]
-    return continued_as(point, made, row, margins if more else margins[::-1], weight)
+    return _switching(point, made, row, margins if more else margins[::-1], weight)
 
 
-def continued_as(
+def _switching(
     point: Point, made: FlowEquations, row: Any, margins: Sequence[Margin], weight: Any = 1.0
 ) -> SwitchingProblem:
     """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there."""
@@ -190,12 +190,12 @@ def _at_edge(point: Point) -> SwitchingProblem:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
     parts[-1] = turned_back(parts[-1], turns)
-    made = made_of(equations, parts, pieces)
-    lasts = partial(contacts, place if more else i, least)
+    made = _made_of(equations, parts, pieces)
+    lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
     margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
-    return continued_as(point, made, row, margins if more else margins[::-1])
+    return _switching(point, made, row, margins if more else margins[::-1])
 
 
 def _at_collision(point: Point, guard: str) -> SwitchingProblem:
@@ -206,9 +206,11 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     flows, flights, turns = unturned(equations.flows, orbit.flights)
     parts, pieces = list(flows), list(flights)
-    if guard == "until" and _exchanged(parts, pieces, SHORTEST * orbit.period, p):
-        made, lasts = made_of(equations, parts, pieces), partial(contacts, i, 0.0)
-        return continued_as(point, made, made.layout.lengths[i], (lasts, lasts))
+    shrunk = np.flatnonzero([flight.duration < 0.5 * SHORTEST * orbit.period for flight in flights])
+    pairs = i in shrunk and not {*shrunk} & {*(shrunk - 1) % len(flights)}
+    if pairs and (other := point.curve.problem.exchanged(orbit, shrunk)):
+        made, lasts = _made_of(equations, *other), partial(_contacts, i, 0.0)
+        return _switching(point, made, made.layout.lengths[i], (lasts, lasts))
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
@@ -231,32 +233,33 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
         del parts[i], pieces[i]
     parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
     parts[-1] = turned_back(parts[-1], turns)
-    made = made_of(equations, parts, pieces)
+    made = _made_of(equations, parts, pieces)
     ended = i if more else (i - 1) % len(flows) - (i == 0)
-    margins = partial(_height, hit[0].until, ended, 1.0), partial(contacts, i + more, 0.0)
+    margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
-    return continued_as(point, made, row, margins if more else margins[::-1])
+    return _switching(point, made, row, margins if more else margins[::-1])
 
 
-def _exchanged(flows: list[Flow], flights: list[TrajectorySegment], short: float, p: Any) -> bool:
-    """Let impacts that come at once do so in the other order, in place, if each is known as a wall
-    of the flow that the other one ends and the state after both is the same either way."""
-    for i in [i for i, flight in enumerate(flights) if flight.duration < short]:
+def in_other_order(orbit: Any, shrunk: Array) -> tuple[list[Flow], list[TrajectorySegment]] | None:
+    """Exchange the impacts that these flows, which last no time, lie between, if each is known as a
+    wall of the flow that the other one ends and the state after both is the same either way."""
+    flows, flights, turns = unturned(orbit.equations.flows, orbit.flights)
+    for i in shrunk:
         first, second, arrives = flows[i - 1], flows[i], flights[i - 1]
         t, x, a, b = arrives.last, arrives.end[:, None], first.reset, second.reset
         if not (a and b and first.meets(second) and second.meets(first)):
-            return False
-        alone = values(b, t, x, p)
-        both = values(a, t, alone, p), values(b, t, values(a, t, x, p), p)
+            return None
+        alone, before = (values(reset, t, x, orbit.params) for reset in (b, a))
+        both = values(a, t, alone, orbit.params), values(b, t, before, orbit.params)
         if abs(both[1] - both[0]).max() > 1e-6 * abs(x).max():
-            return False
+            return None
         flows[i - 1], flows[i] = first.exchanged(second), second.exchanged(first)
-        none = 0.0 * flights[i].states
-        flights[i] = replace(flights[i], states=alone[:, 0] + none, slopes=0.0 * flights[i].slopes)
-    return True
+        flights[i] = flights[i].resting(alone[:, 0])
+    flows[-1] = turned_back(flows[-1], turns)
+    return flows, flights
 
 
-def made_of(
+def _made_of(
     equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
 ) -> FlowEquations:
     """Make the cycle of other flows; meshes measure the motion as it is, not as it was where the

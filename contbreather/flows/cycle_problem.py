@@ -26,7 +26,7 @@ from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
 from .collocation import ROUNDING, TrajectorySegment, states_along
 from .conservation import drift, indices_of, refuse_drift
-from .cycle_beyond import beyond_contact
+from .cycle_beyond import beyond_contact, in_other_order
 from .equations import FlowEquations, equations_of
 from .flow import refuse_false_period
 from .functions import Params
@@ -496,6 +496,11 @@ class CycleProblem(Problem):
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         met = dict.fromkeys(("GR", "VI", "SL", "CC"), beyond_contact)
         return {"PD": _doubled, **met}.get(kind)
+
+    def exchanged(self, orbit: Cycle, shrunk: Array) -> Any:
+        """Flows and an orbit of them with impacts that come at once in the other order, where that
+        is known: those that these flows, which last no time, lie between."""
+        return in_other_order(orbit, shrunk)
 
     def of_flows(self, equations: FlowEquations, params: Params, label: str = "") -> CycleProblem:
         """The cycle at which other equations begin, with the same events."""

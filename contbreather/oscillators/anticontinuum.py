@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from operator import attrgetter
 from typing import Any, cast
 
@@ -338,9 +337,8 @@ def exchanged(
     flights, impacts = [*orbit.flights], met(orbit)
     for i in shrunk:
         impacts[i - 1], impacts[i] = impacts[i], impacts[i - 1]
-        bounce, short = Bounce(chain, impacts[i - 1]), flights[i]
-        after = bounce(0.0, flights[i - 1].end, orbit.params)
-        flights[i] = replace(short, states=after + 0 * short.states, slopes=0 * short.slopes)
+        bounce = Bounce(chain, impacts[i - 1])
+        flights[i] = flights[i].resting(bounce(0.0, flights[i - 1].end, orbit.params))
     return between_walls(chain, impacts), tuple(flights)
 
 

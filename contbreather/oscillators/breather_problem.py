@@ -51,10 +51,9 @@ from ..flows.conservative_events import (
     examine_place,
     followed,
 )
-from ..flows.cycle_beyond import contacts, continued_as, made_of
-from ..flows.cycle_events import AT_ONCE, BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
+from ..flows.cycle_events import BRANCH_POINT, FLAT, events_of_cycle, examine_swing, swing
 from ..flows.cycle_problem import UNSTABLE, Cycle, CycleProblem, at_crossing, top
-from ..flows.equations import FlowEquations, equations_of
+from ..flows.equations import FlowEquations
 from ..flows.flow import Flow
 from ..flows.functions import Params
 from ..flows.homoclinic import HOMOCLINIC
@@ -467,26 +466,16 @@ class BreatherProblem(CycleProblem):
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         if isinstance(self.residual, HalfOrbit):
             return {"PD": _doubled_half, "PF": _whole}.get(kind)
-        return _in_the_other_order if kind == "CC" else super().lift(kind)
+        return super().lift(kind)
+
+    def exchanged(self, orbit: Breather, shrunk: Array) -> Any:  # type: ignore[override]
+        return exchanged(orbit, orbit.chain, shrunk)  # which knows who impacts together
 
     @staticmethod
     def recorded(equations: FlowEquations, known: Iterable[str]) -> dict[str, Any]:
         gone = {*known, *(["action"] if not isinstance(equations, HalfOrbit) else [])}
         getters = {n: attrgetter(f"solution.{of}") for n, of in COLUMNS.items() if n not in gone}
         return {"unstable": UNSTABLE, **getters}
-
-
-def _in_the_other_order(point: Point) -> SwitchingProblem:
-    """Make the orbit on which sites that come to their walls at once do so in the other order, all
-    of them where a symmetry has several pairs of them do so."""
-    orbit: Breather = point.solution
-    shrunk = np.flatnonzero(orbit.durations < AT_ONCE * orbit.period)
-    if {*shrunk} & {*(shrunk - 1) % len(orbit.flights)}:
-        raise Undefined("in which order three impacts follow that come at once is not known")
-    flows, flights = exchanged(orbit, orbit.chain, shrunk)
-    made, i = made_of(equations_of(point), flows, flights), point.detail["flow"]
-    lasts = partial(contacts, i, 0.0)
-    return continued_as(point, made, made.layout.lengths[i], (lasts, lasts))
 
 
 def _doubled_half(point: Point) -> SwitchingProblem:
