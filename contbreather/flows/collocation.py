@@ -63,6 +63,11 @@ class Collocation:
         return 0.5 + 0.5 * np.polynomial.legendre.leggauss(self.points)[0]
 
     @cached_property
+    def doubled(self) -> Collocation:
+        """The scheme of twice the order."""
+        return _Gauss(self.intervals, 2 * self.points)
+
+    @cached_property
     def decaying(self) -> Collocation:
         """The scheme with one point more by which what decays fast is gone after an interval."""
         return _Radau(self.intervals, self.points + 1)
@@ -105,11 +110,15 @@ class Collocation:
         return np.asarray(np.linalg.solve(self._legendre.T, legendre).T)
 
 
-class _Radau(Collocation):
-    """Radau's points, the last of them at the end of the interval, of any number."""
+class _Gauss(Collocation):
+    """Any number of points."""
 
     def __post_init__(self) -> None:
         pass
+
+
+class _Radau(_Gauss):
+    """Radau's points, the last of them at the end of the interval."""
 
     @cached_property
     def nodes(self) -> Array:
@@ -280,10 +289,10 @@ class TrajectorySegment:
 
     def unresolved(self, least: float = 1e-300) -> tuple[float, float]:
         """Find the largest share of the highest coefficient in the motion, or in the least that is
-        no rounding, and where."""
-        left = abs(self.scheme.highest @ self.slopes) / max(abs(self.states).max(), least)
-        j = int(left.max(axis=1).argmax())
-        return float(left.max()), float(self.knots[j])
+        no rounding, and when."""
+        left = np.maximum.reduce(abs(self.scheme.highest @ self.slopes), axis=1)
+        size, j = np.maximum.reduce(abs(self.states), axis=None), int(left.argmax())
+        return float(left[j] / max(size, least)), float(self.begins[j])
 
 
 def states_along(flights: Sequence[TrajectorySegment], t: Array) -> Array:
@@ -328,6 +337,7 @@ class Slopes(NamedTuple):
     inside: Array  # (intervals, points n, n + 2 + parameters)
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
     decay: Array  # (intervals,): by e to so much it shrinks volumes
+    turned: Array  # (intervals,): by so many radians, squared, it turns perturbations, summed
     inverse: Any = None  # (intervals, points n, points n), of the equations for these
 
     def beside(
@@ -389,7 +399,7 @@ def _newton(
     makes corrections shrink. Next to these the velocities where intervals begin, if they came."""
     before, lengths, good = np.inf, flight.lengths[:, None, None], False
     # where all is at rest slopes count as a tenth of what moves
-    moves = max(abs(k).max(), 0.1 * unit)
+    moves = max(np.maximum.reduce(abs(k), axis=None), 0.1 * unit)
     t, count, first_order = flight.inner, k[..., 0].size, inverse is not None
     if error <= ROUNDING:  # what is exact is asked for its velocities, too
         t = np.concatenate([t, flight.begins])
@@ -445,9 +455,10 @@ def derivatives(
     inverse = None if once else _inverse(scheme, jacobian)
     inside = _solved(_equations(scheme, jacobian), right) if inverse is None else inverse @ right
     decay = -jacobian.trace(0, 2, 3) @ scheme.weights
+    turned = -np.einsum("jcab,jcba->jc", jacobian, jacobian) @ scheme.weights  # -l^2 of each rate l
     ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
     ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
-    return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, inverse)
+    return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, turned, inverse)
 
 
 def _inverse(scheme: Collocation, jacobian: Array) -> Array:

@@ -418,7 +418,7 @@ def _closed(
         equations = replace(equations, start=_adapted(equations.start, equations.units))
     closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
     with suppress(NotConverged, Undefined):
-        while cycle_of(closed).coarse() and closed.start["mesh"].size <= _MOST_INTERVALS:
+        while closed.coarse() and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     # of a family rounding may lead Newton's iteration to a member far from the start

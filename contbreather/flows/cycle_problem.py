@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array, Undefined, newton
 from ..continuation.algebra.sparse import Matrix
 from ..continuation.branches.switching import SwitchingProblem
@@ -69,6 +70,9 @@ class Cycle(HtmlRepr):
         How many multipliers are outside of the unit circle.
     times : ndarray
         When its flows begin, and when the last one ends.
+    errors : dict
+        By how much the "period" is off, relative, and the "multipliers", those above 1 relative: to
+        first order, against twice as many points in each interval, at these parameters.
     max, min : dict
         The largest and the smallest value of each state, or of all of an array of them, as long
         as `period` is.
@@ -223,11 +227,39 @@ class Cycle(HtmlRepr):
     @cached_property
     def roughest(self) -> tuple[float, float]:
         """Measure the largest share of the highest term of its polynomials, and when."""
-        pairs = zip(self.flights, self.equations.sizes, strict=True)
         # orbits of less than 1e-8 of the size at the start are rounding
-        left = [flight.unresolved(1e-8 * size.max()) for flight, size in pairs]
-        i = max(range(len(left)), key=lambda i: left[i][0])
-        return left[i][0], self.times[i] + left[i][1] * self.flights[i].duration
+        pairs = zip(self.flights, self.equations.sizes, strict=True)
+        return max([flight.unresolved(1e-8 * size.max()) for flight, size in pairs])
+
+    @property
+    def turns_fast(self) -> bool:
+        """Tell whether perturbations turn by more radians in an interval than it has points: the
+        growth of the Gauss method follows about as many, and a slow orbit has long intervals."""
+        if isinstance(self.equations, SparseFlowEquations):
+            return False
+        pieces = self.equations.linearised(self.x, self.params).linear
+        most = max([np.maximum.reduce(piece.slopes.turned) for piece in pieces])
+        return bool(most > 2 * self.flights[0].scheme.points ** 2)  # of a pair both count
+
+    @cached_property
+    def doubled(self) -> FlowEquations:
+        """Its equations with twice as many points in each interval."""
+        if isinstance(self.equations, SparseFlowEquations):
+            raise BadInput("errors are estimated for up to 40 states: compare with more intervals")
+        finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in self.flights)
+        return replace(self.equations, start=finer)
+
+    @cached_property
+    @one_thread
+    def errors(self) -> dict[str, float]:
+        mu = np.concatenate(of_cycle(self.doubled, self.x, self.params))
+        apart = abs(self.multipliers[:, None] - mu).min(axis=1, initial=math.inf)
+        worst = (apart / np.maximum(abs(self.multipliers), 1.0)).max(initial=0.0)
+        late, left = math.inf, self.doubled(self.x, self.params)
+        with suppress(Undefined):  # at a fold no parameter has an orbit of its own
+            off = solved(self.equations.derivatives(self.x, self.params), left, "")
+            late = abs(off[self.equations.layout.lengths].sum()) / self.period
+        return {"period": float(late), "multipliers": float(worst)}
 
     def coarse(self, on: str = "") -> str:
         """Reason why the mesh does not resolve the orbit, or the multiplier of a kind on whose
@@ -242,15 +274,21 @@ class Cycle(HtmlRepr):
                 why = f"of {on} no multiplier is there, the nearest is {beside:.1g} off, "
             elif off <= RESOLVED:
                 return ""
-        left, where = self.roughest
-        if not why and left <= UNRESOLVED:
-            return ""
-        if left**2 <= ROUNDING:
+        return self.too_coarse(why) if why or self.roughest[0] > UNRESOLVED else ""
+
+    def too_coarse(self, why: str) -> str:
+        """Say where the mesh is."""
+        if not self.resolvable:
             return f"{why}by rounding: no mesh resolves it"
         return (
-            f"{why}the mesh is too coarse near t = {where:.4g}: "
+            f"{why}the mesh is too coarse near t = {self.roughest[1]:.4g}: "
             "collocation=Collocation(intervals=...)"
         )
+
+    @property
+    def resolvable(self) -> bool:
+        """Tell whether errors are those of the mesh, and no rounding."""
+        return self.roughest[0] ** 2 > ROUNDING or self.turns_fast
 
     def _beside_circle(self) -> float:
         return float(abs(abs(self.others) - 1).min(initial=math.inf))
@@ -409,7 +447,7 @@ class CycleProblem(Problem):
     def finer(self, point: Point, along: Any, crosses: bool) -> tuple[Problem, Any] | None:
         """Twice as many intervals, up to as many as are still made finer."""
         # of all flows together: enough; and of a mesh whose errors are rounding
-        fine = len(self.start["mesh"]) > 400 or point.solution.roughest[0] ** 2 <= ROUNDING
+        fine = len(self.start["mesh"]) > 400 or not point.solution.resolvable
         if fine or self._drift(point):
             return None
         if along is None:
@@ -446,10 +484,43 @@ class CycleProblem(Problem):
         return replace(self, residual=finer, start=start)
 
     def unresolved(self, point: Point, on: str = "") -> str:
+        orbit = point.solution
         try:
-            return self._drift(point) or str(point.solution.coarse(on))
+            coarse = self._drift(point) or orbit.coarse(on)
+            return coarse or ("" if on else self._off(orbit, point))
         except Undefined as error:  # it has come to rest
             return str(error)
+
+    def coarse(self) -> str:
+        """Say why the mesh does not resolve the orbit at its start; empty if it does."""
+        point = Point(curve := Curve(self, ()), curve.start)
+        return point.solution.coarse() or self._off(point.solution, point)
+
+    def _off(self, orbit: Cycle, point: Point) -> str:
+        """Say what is off and leaves no trace in the trivial multiplier: others, of perturbations
+        that turn fast beside the orbit; and the period, which is set by what is small beside it and
+        grows, as prey that all but dies out."""
+        if orbit.turns_fast and (worst := orbit.errors["multipliers"]) > RESOLVED:
+            return orbit.too_coarse(f"multipliers are {worst:.1g} off, ")
+        # where curves cross a correction may lead along the other one
+        if orbit.roughest[0] <= UNRESOLVED or not self.residual.autonomous or point.kind == "BP":
+            return ""
+        curve = Curve(point.problem, point.curve.free[:1])
+        z, length, period = curve.start, self.residual.layout.lengths, orbit.period
+        if not isinstance(matrix := curve.jacobian(z), np.ndarray):
+            return ""  # so many intervals are enough
+        way = np.eye(len(curve.free), z.size, length[0])
+        if curve.free:
+            way[0] = curve.tangent_at(z, way[0])[0]
+        left = orbit.doubled(z[: curve.size], point.params)
+        off = solved(np.vstack([matrix, curve.metric * way]), np.append(left, 0 * way[:, 0]), "")
+        late = off[length].sum() / period
+        if curve.free:  # the distance of branches: where this one is steep that of the parameter
+            size = max(abs(z[-1]), abs(point.curve.start[len(z) - 1])) or 1.0
+            along, across = way[0, length].sum() / period, way[0, -1] / size
+            late = (late * across - off[-1] / size * along) / math.hypot(along, across)
+        why = f"the period is {abs(late):.1g} of itself off, "
+        return orbit.too_coarse(why) if abs(late) > RESOLVED else ""
 
     def _drift(self, point: Point) -> str:
         """Say that an orbit has come to where lambda is no rounding, as nothing is conserved there:

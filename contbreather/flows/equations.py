@@ -381,7 +381,7 @@ class FlowEquations:
             return k, slopes.inverse, 0.0
         first_order = slopes.beside(place.flights[i], place.params, before, second.params, names)
         off = share**2 * (before.slopes - first_order)
-        return k + off, slopes.inverse, float(abs(off).max())
+        return k + off, slopes.inverse, float(np.maximum.reduce(abs(off), axis=None))
 
     @cached_property
     def _begin(self) -> SolvedPlace:
@@ -398,7 +398,7 @@ class FlowEquations:
             raise Undefined("a flow ends where it began: its duration goes to zero")
         states, rounds = x[layout.nodes[i]], start.rounds
         flight = TrajectorySegment(start.scheme, knots, t, duration, states, start.slopes, rounds)
-        if not flight.steps.min() > 0:
+        if not np.minimum.reduce(flight.steps) > 0:
             raise Undefined("intervals of the mesh overtake each other")
         return flight
 
@@ -587,7 +587,7 @@ class FlowEquations:
         ended = self.flows[i].reset or self.flows[i].until
         for j, place in enumerate(places):
             of = slice(j * many, (j + 1) * many)
-            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:4])
+            parts: Any = derivative if many == len(ends) else (part[of] for part in derivative[:5])
             own = Slopes(*parts)  # of several no inverse is known
             linear = Linear(own, ends[of], ends[of.stop - 1], shares[of], longer[of])
             yield place, self._with_ending(i, place, linear) if ended else linear

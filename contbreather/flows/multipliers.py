@@ -101,7 +101,7 @@ def _beyond(ways: Array, vectors: Array) -> Array:
 def _mirrors(ways: Array) -> Array:
     """The reflections between directions and the first axis."""
     sizes = np.sqrt(np.vecdot(ways, ways))
-    if not sizes.min() > 0:
+    if not np.minimum.reduce(sizes) > 0:
         raise Undefined("the vector field vanishes on the orbit: an equilibrium is on it")
     v = ways / sizes[:, None]
     # Householder's 1 - 2 v v*/|v|^2 with v = u + sign(u_1) e_1, which does not cancel

@@ -297,7 +297,7 @@ class SparseFlowEquations(FlowEquations):
             unit = np.eye(self.start[0].dimension)
             ends = np.array([over(unit) for over in self.maps(x, p)])
             none = np.empty(0)
-            slopes = Slopes(ends, none, none, np.zeros(1))  # these decay as they should
+            slopes = Slopes(ends, none, none, np.zeros(1), none)  # these decay as they should
             place.linear = (Linear(slopes, ends, none, none, none),)
         return place
 

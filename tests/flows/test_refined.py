@@ -53,6 +53,9 @@ def test_a_branch_that_gets_no_finer_mesh_says_where_it_is_too_coarse(tmp_path: 
     (first, *_) = (at for at in longer if at["trivial"] > 1e-4)
     assert (place.kind, place.located, place["mu"]) == ("MX", False, first["mu"])
     assert "the mesh is too coarse near t" in place.detail["reason"]
+    fine = cb.cycle(van_der_pol, {"x": 2.0, "v": 0.0}, {"mu": place["mu"]}, settle=50)
+    off = place["period"] / fine.start["period"] - 1  # where the multiplier is 1e-4 off: 8e-7
+    assert place.solution.errors["period"] == pytest.approx(abs(off), rel=0.05)
     cb.save(tmp_path / "coarse.nc", longer)
     assert cb.load(tmp_path / "coarse.nc").doubtful[0].detail == place.detail
 
@@ -73,6 +76,54 @@ def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(tmp
         assert run["cycles"][-1].solution.period == pytest.approx(2 * np.pi)
     with pytest.raises(cb.BadInput, match=r"the problem has \['x', 'y'\], which the file has not"):
         cb.load(tmp_path / "both.nc", problem=rest)
+
+
+def test_prey_that_all_but_dies_out_sets_the_period() -> None:
+    """Bazykin's predators and prey, of which 1e-11 is left between two outbreaks: the period was
+    1e-3 off, and the trivial multiplier 1 to 5e-5. In logarithms nothing is small."""
+
+    def rates(x, y, p):
+        return 1 - y / (1 + 0.3 * x) - p["eps"] * x, x / (1 + 0.3 * x) - 1
+
+    def bazykin(t, x, p):
+        return [state * rate for state, rate in zip(x, rates(*x, p), strict=True)]
+
+    mesh = cb.Collocation(intervals=40)
+    start = cb.cycle(bazykin, {"x": 1.5, "y": 2.0}, {"eps": 0.08}, settle=50, collocation=mesh)
+    end = cb.trace(start, "eps", within={"eps": (0.02, 0.09)}, towards="down")[-1]
+    logarithms = cb.cycle(
+        lambda t, x, p: rates(*np.exp(x), p), {"x": 0.5, "y": 0.7}, {"eps": 0.02}, settle=100,
+        collocation=mesh,
+    )  # fmt: skip
+    assert end["period"] == pytest.approx(logarithms.start["period"], rel=1e-7)
+
+
+def test_errors_tell_multipliers_that_the_mesh_of_a_slow_orbit_does_not_resolve() -> None:
+    """(A, 0, -A) of three coupled nonlinear Schroedinger equations turns at A^2, modes across it at
+    a frequency near 1: multipliers are 0.3 % off with 20 intervals, all others are rounding."""
+
+    def trimer(t, z, p):
+        (x, y, u, v, w, s) = z
+        sizes = x * x + v * v, y * y + w * w, u * u + s * s
+        turned = [-sizes[0] * v - w, -sizes[1] * w - v - s, -sizes[2] * s - w]
+        return [*turned, sizes[0] * x + y, sizes[1] * y + x + u, sizes[2] * u + y]
+
+    def energy(z, p):
+        (x, y, u, v, w, s) = z
+        sizes = x * x + v * v, y * y + w * w, u * u + s * s
+        return sum(size**2 for size in sizes) / 4 + x * y + y * u + v * w + w * s
+
+    A = 0.3
+    t = np.linspace(0, 2 * np.pi / A**2, 81)
+    rest, c, s = 0 * t, A * np.cos(A**2 * t), A * np.sin(A**2 * t)
+    samples = (t, np.array([c, rest, -c, s, rest, -s]))
+    few, many = (
+        cb.flows.cycle_of(cb.cycle(trimer, samples, {"p": 0.0}, conserves=energy, collocation=mesh))
+        for mesh in (cb.Collocation(intervals=20), cb.Collocation(intervals=200))
+    )
+    off = abs(few.multipliers[0] - many.multipliers[0]) / abs(many.multipliers[0])
+    assert few.errors["multipliers"] == pytest.approx(off, rel=0.02)
+    assert many.errors["multipliers"] < 1e-9
 
 
 # --- arms ---------------------------------------------------------------------------------------

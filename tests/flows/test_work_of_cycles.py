@@ -57,13 +57,13 @@ def test_a_point_of_a_branch_takes_few_calls(field, ring) -> None:
 
 def test_short_steps_take_fewer(field, ring) -> None:
     """Where nothing happens: two residuals, one of them exact, the check between, and a derivative
-    by one call of the field each."""
+    by one call of the field each; and a look at what the mesh may leave."""
     short = cb.Steps(largest=0.01)
     functions, asked = a_point(
         field,
         lambda: cb.trace(ring, "r", within={"r": (276.0, 281.0)}, towards="down", steps=short),
     )
-    assert functions < 460
+    assert functions < 475
     assert asked < 4.1
 
 
