@@ -40,7 +40,7 @@ _GOLDEN = (math.sqrt(5) - 1) / 2  # no part of a period, so that no switching li
 Wall = Function | tuple["Flow", ...]  # a function, or the flows of an orbit that meets it
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Clock:
     """Condition ``(t, x, p)`` that ends a flow at a part of the period of a certain number."""
 
@@ -209,6 +209,13 @@ class Flow:
             return self
         number = round(t / value_at(clock.period, p) - value_at(clock.part, p))
         return replace(self, until=replace(clock, number=number))
+
+    def later(self, periods: int) -> Flow:
+        """Set the clock so many periods later."""
+        clock = self.until
+        if not isinstance(clock, Clock):
+            return self
+        return replace(self, until=replace(clock, number=clock.number + periods))
 
     def check(self, t: float, x: Any, p: Params) -> None:
         """Refuse, with a sentence, functions that do not fit a state: shapes, names, NaN.

@@ -12,10 +12,10 @@ import numpy as np
 from ..continuation.algebra.newton import Array
 from .collocation import TrajectorySegment, fitted, sizes_of, states_along
 from .equations import FlowEquations
-from .flow import TurnedBack
+from .flow import Clock, TurnedBack, plain
 from .functions import Function, Params, values
 from .jacobian import FieldWithJacobian, at_other_time
-from .rotation import moves
+from .rotation import moves, unturned
 
 RETURNS = 24  # so many flows back is looked for a return
 _REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -59,14 +59,15 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
     if equations.smooth:
         later = [] if moves(flows[0]) else range(1, equations.turns)
     else:
-        later = [i for i in range(1, len(flows)) if (*flows[i:], *flows[:i]) == flows]
+        later = [i for i in range(1, len(flows)) if _follow(equations, i)]
     if not later:
         return ()
-    flights = equations.flights(x, p)
+    _, flights, back = unturned(flows, equations.flights(x, p))
     period = sum(flight.duration for flight in flights)
-    again = [*flights, *(replace(flight, start=flight.start + period) for flight in flights)]
-    if equations.smooth and isinstance(back := flows[0].reset, TurnedBack):
-        again[1] = replace(again[1], states=again[1].states + back.turns)
+    again = [*flights]
+    for flight in flights:
+        states = flight.states + back
+        again.append(replace(flight, start=flight.start + period, states=states))
     for i in later:
         pieces = again[i : i + len(flows)]
         if equations.smooth:
@@ -75,6 +76,18 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
             pieces = [replace(piece.adapted(equations.sizes[0]), start=flight.start)]
         written.append(np.concatenate([*map(np.ravel, equations.unknowns(pieces).values())]))
     return tuple(written)
+
+
+def _follow(equations: FlowEquations, i: int) -> bool:
+    """Tell whether the same flows follow each other from a later one on, with clocks that are so
+    many periods ahead, but for whole turns that are taken back."""
+    flows = [plain(flow) for flow in equations.flows]
+    ahead = [*flows[i:], *(flow.later(equations.turns) for flow in flows[:i])]
+    now, then = (
+        [flow.until.number for flow in of if isinstance(flow.until, Clock)] for of in (flows, ahead)
+    )
+    periods = then[0] - now[0] if now else 0
+    return [flow.later(-periods) for flow in ahead] == flows
 
 
 def once(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq, minimize_scalar
 
 import contbreather as cb
 from contbreather.continuation.branches.switching import NothingToSwitch
@@ -13,7 +14,7 @@ from contbreather.errors import BadInput
 
 from .zoo import CASES
 
-PERIOD = 0.5
+PERIOD, TURN = 0.5, 2 * np.pi
 ON = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])
 OFF = cb.Flow(lambda t, x, p: [-p["b"] * x[0] ** 3], at=0)
 
@@ -155,3 +156,33 @@ def test_beyond_a_flow_that_a_reset_begins_is_not_known() -> None:
         cb.switch(never)
     (arm,) = cb.switch(always, within={"d": (-0.2, 0.8)})
     assert arm[-1]["max(i)"] == pytest.approx(np.tanh(0.25), abs=1e-9)
+
+
+def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
+    """Two kicks a turn, of the circle map: its folds are the extreme speeds over the angle."""
+
+    def gained(speed: float, angle: float) -> float:
+        for _ in range(2):
+            angle += speed
+            angle -= 0.9 * np.sin(angle)
+        return angle
+
+    def locked(angle: float) -> float:
+        return brentq(lambda speed: gained(speed, angle) - angle - TURN, 2, 4, xtol=1e-14)
+
+    def extreme(sign: int) -> float:
+        near = min(np.linspace(0, TURN, 13), key=lambda angle: sign * locked(angle))
+        within = near - 0.6, near + 0.6
+        found = minimize_scalar(lambda of: sign * locked(of), bounds=within, method="bounded")
+        return sign * found.fun
+
+    free = cb.Flow(lambda t, x, p: [p["v"]], at=0, reset=lambda t, x, p: x - 0.9 * np.sin(x))
+    rotor = cb.cycle(
+        [free], {"angle": 0.1}, {"v": 3.1}, period=1.0, wraps={"angle": TURN}, settle=200
+    )
+    branch = cb.trace(rotor, "v", within={"v": (2, 4)})
+    assert len(branch[0].solution.flights) == 2
+    assert branch.stop.name == "CLOSED"
+    assert [point.kind for point in branch.special] == ["LP", "LP"]
+    folds = sorted(point["v"] for point in branch.special)
+    assert folds == pytest.approx([extreme(1), extreme(-1)], abs=1e-9)
