@@ -186,3 +186,17 @@ def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
     assert [point.kind for point in branch.special] == ["LP", "LP"]
     folds = sorted(point["v"] for point in branch.special)
     assert folds == pytest.approx([extreme(1), extreme(-1)], abs=1e-9)
+
+
+def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> None:
+    """A current that rises to a ramp: its slope is -1 where fall and rise are as fast against that,
+    and c is 0 all along but for what differences leave, as a remainder is not analytic."""
+    up = lambda t, x, p: 1 - p["ramp"] * (t % 1.0) - x[0]  # noqa: E731
+    rises = cb.Flow(lambda t, x, p: [1 - p["v"] + 0 * x[0]], until=up)
+    falls = cb.Flow(lambda t, x, p: [-p["v"] + 0 * x[0]], at=0)
+    flows, params = [rises, falls], {"v": 0.4, "ramp": 0.2}
+    converter = cb.cycle(flows, {"i": 0.6}, params, period=1.0, settle=99)
+    flip = cb.trace(converter, "v", within={"v": (0.3, 0.9)}).first("PD")
+    line = cb.boundary(flip, ("ramp", "v"), within={"ramp": (0, 1), "v": (0.1, 0.9)})
+    assert line["v"] == pytest.approx(0.5 + line["ramp"], abs=1e-11)
+    assert {point.kind for point in line.special} == {"EP"}

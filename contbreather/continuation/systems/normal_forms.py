@@ -313,8 +313,7 @@ def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     # c = <p, C(q, q, q) + 3 B(q, h)> / 6
     h = solve(-forms.closed(1.0), B @ q)
     coefficient = _sum(float(p @ C @ q) / 6, float(p @ B @ h) / 2)
-    least = _ROUNDING * forms.cubic
-    return replace(coefficient, rounding=agreed, least=least)
+    return replace(coefficient, rounding=agreed, least=agreed * forms.cubic)
 
 
 def rotation_coefficient(point: Point, angle: float, agreed: float = AGREED) -> Coefficient:
