@@ -442,7 +442,8 @@ def _solved(
             if not coarse and fit and (lost or _is_coarse(begun)):
                 first = begun.start[0]
                 more = replace(first.scheme, intervals=2 * (first.knots.size - 1))
-                return _solved(replace(begun, start=fit(more)), problem_at, fit)
+                begun = equations = replace(begun, start=fit(more))
+                continue
             if not coarse or count > _MOST_INTERVALS:
                 finer = f"{count} intervals do not resolve it; " if coarse else ""
                 for problem in filter(None, (getattr(error, "last", None), problem_at(equations))):

@@ -4,6 +4,7 @@ states and parameters in other units."""
 from __future__ import annotations
 
 import math
+import traceback
 from functools import partial
 from typing import Any
 
@@ -190,7 +191,7 @@ def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
 
 def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
     params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
-    with pytest.raises(cb.NotConverged, match="a state that is an angle is named with its turn"):
+    with pytest.raises(NotConverged, match="a state that is an angle is named with its turn"):
         cb.cycle(lambda t, x, p: pendulum(0.0 * t, x, p), {"theta": 0.0, "v": 2.0}, params)
 
 
@@ -457,3 +458,21 @@ def test_what_leaves_a_threshold_slowly_does_not_run_away() -> None:
 
     found = cb.cycle(grows, {"n": 0.302}, {}, period=1.0, settle=1)
     assert cycle_of(found).states(0.0)[0] == pytest.approx(brentq(moved, 0.2, 0.4), abs=1e-8)
+
+
+def test_an_orbit_that_is_not_found_is_refused_once() -> None:
+    """A relay beside its tongue: however often the mesh was made finer on the way."""
+
+    def relay(side: float) -> cb.Flow:
+        return cb.Flow(
+            lambda t, x, p: [side - x[0] + 0.3 * np.sin(p["w"] * t)],
+            until=lambda t, x, p: 0.5 - side * x[0],
+        )
+
+    with pytest.raises(NotConverged, match="goes to zero") as refused:
+        cb.cycle(
+            [relay(1), relay(-1)], {"x": 0.0}, {"w": 1.4},
+            period=lambda p: TURN / p["w"], settle=300,
+        )  # fmt: skip
+    said = "".join(traceback.format_exception(refused.value))
+    assert said.count("NotConverged: the start") == 1
