@@ -136,14 +136,24 @@ def _without_unit(point: Point) -> str:
     return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 
+def _ends_there(point: Point) -> bool:
+    """Tell whether a branch ends at VI there: velocities of the other sign may solve its equations,
+    too, as of a relay without forcing, on curves that turn at it or cross there."""
+    return len(point.curve.free) == 1 and math.isnan(point.solution.off_one)
+
+
 def _examine_crossing(point: Point) -> Examined:
     assert _CROSSING.examine is not None
+    if _ends_there(point):
+        return NOTHING
     # orbits that are shifted in time cross the branch where their phase is not measured
     return unresolved(point) or _without_unit(point) or _CROSSING.examine(point)
 
 
 def _examine_fold(point: Point) -> Examined:
     assert _PLAIN.examine is not None
+    if _ends_there(point):
+        return NOTHING
     # where a branch is steep, as at a canard, rounding turns its parameter back, too
     if reason := unresolved(point) or _PLAIN.examine(point) or _without_unit(point):
         return reason

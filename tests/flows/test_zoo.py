@@ -108,6 +108,25 @@ def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_i
     assert not line["unstable"].any()
 
 
+@pytest.mark.parametrize("half", [False, True])
+def test_a_relay_that_only_just_switches_has_no_bifurcation_there(half: bool) -> None:
+    """From -h at rest an oscillator overshoots 1 by r (1 + h), r its decay over half a turn: up to
+    h = (1 + r)/(1 - r). Its square of a speed vanishes there, which the other sign has, too."""
+
+    def relay(side: float, **more: Any) -> cb.Flow:
+        until = lambda t, x, p: p["h"] - side * x[0]  # noqa: E731
+        return cb.Flow(lambda t, x, p: [x[1], side - x[0] - 0.5 * x[1]], until, **more)
+
+    mirrored = [relay(1, reset=lambda t, x, p: [-x[0], -x[1]])]
+    flows = mirrored if half else [relay(1), relay(-1)]
+    orbit = cb.cycle(flows, {"x": 0.0, "v": 0.5}, {"h": 0.5}, settle=100)
+    branch = cb.trace(orbit, "h", within={"h": (0.1, 3)})
+    assert [at.kind for at in branch.special] == ["EP", "VI"]
+    assert not branch.doubtful
+    r = math.exp(-math.pi / math.sqrt(15))
+    assert branch[-1]["h"] == pytest.approx((1 + r) / (1 - r), abs=1e-9)
+
+
 @pytest.mark.parametrize("kind", ["VI", "GR"])
 def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
     """Their derivatives come from those of the flights: none of a flight for each unknown."""
