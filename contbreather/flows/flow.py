@@ -244,6 +244,11 @@ def _wall(wall: Any) -> Wall:
             "a wall is met by a flow with `until` and `reset`, or by two with `until` alone: up to "
             f"it and behind it; got {brief(wall)}"
         )
+    if isinstance(flows[0].until, Clock) and flows[0].until.period is None:
+        raise BadInput(
+            "a clock is no wall: it strikes whatever the state is, and where a flow begins or ends "
+            "as it does a branch ends by itself, CC"
+        )
     return flows
 
 

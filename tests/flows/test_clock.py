@@ -62,6 +62,9 @@ def test_a_clock_without_a_period_and_beside_a_condition_is_refused() -> None:
         cb.Flow(lambda t, x, p: [-x[0]], until=lambda t, x, p: x[0], at=0.5)
     with pytest.raises(BadInput, match="at"):
         cb.Flow(lambda t, x, p: [-x[0]], at="noon")
+    kick = cb.Flow(lambda t, x, p: [-x[0]], at=0, reset=lambda t, x, p: x + 1)
+    with pytest.raises(BadInput, match="a clock is no wall"):
+        cb.Flow(ON.f, until=ON.until, walls=(kick,))
 
 
 def test_what_only_the_period_ends_has_doubled_orbits() -> None:
