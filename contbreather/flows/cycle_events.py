@@ -299,6 +299,23 @@ class _Reached:
         bends = Event("VI-GR", self._bent, examine=lambda point: said, ends="domain")
         return replace(self.system(), events=(bends,))
 
+    def arriving(self, following: int) -> DefiningSystem:
+        """The equations of SL, up to where the edge is touched by the flow that follows, which at
+        that edge goes on as the other side's field has it: what slides is to come inside, what
+        crosses to go away from the surface."""
+        said = {"said": f"flow {following} touches the edge of sliding where it begins"}
+        along, sign = (flow := self.equations.flows[following]).f, 1.0 if slid_along(flow) else -1.0
+
+        def rate(point: Point) -> float:
+            orbit: Cycle = point.base_point.solution
+            flight, p = orbit.flights[self.flow], orbit.params
+            at = flight.last, flight.end[:, None], p
+            way = np.append(values(along, *at)[:, 0], 1.0)
+            return sign * float(slopes(self.wall, *at)[1][0, :, 0] @ way)
+
+        turns = Event("SL-GR", rate, examine=lambda point: said, ends="domain")
+        return replace(self.system(), events=(turns,))
+
     def _bent(self, point: Point) -> float:
         return self.bend(point.base_point.solution)
 
@@ -515,9 +532,9 @@ def _arrivals(orbit: Cycle) -> Iterator[Margin]:
         elif flows[following].until == field:  # zero with the time it slides, too: that is another
             lasts = flights[following].duration
             value = value / lasts if lasts > SHORTEST * orbit.period else math.inf
-        reached = _Reached(orbit.equations, i, field, 1.0, slice(1)).system
+        reached = _Reached(orbit.equations, i, field, 1.0, slice(1))
         said = f"flow {i} ends at the edge of sliding at t = {flight.last:.6g}"
-        yield Margin(value, reached, said, i, "sliding")
+        yield Margin(value, partial(reached.arriving, following), said, i, "sliding")
 
 
 def _shares(orbit: Cycle) -> Iterator[Margin]:

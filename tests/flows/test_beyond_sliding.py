@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.optimize import brentq
+from scipy.optimize import brentq, fsolve
 
 import contbreather as cb
 from contbreather import Problem
@@ -366,3 +366,38 @@ def test_curves_on_which_a_mass_begins_to_stick_end_where_it_does_at_both_turns(
     for end in (slips, sticks.special[-1]):
         met = cb.boundary(end, ("A", "s"), within=window).first("SL-SL")
         assert [met["A"], met["s"]] == pytest.approx([ONSET, 0.0], abs=1e-9)
+
+
+def test_curves_of_sliding_end_where_the_edge_is_touched_from_within() -> None:
+    """A driven mass on a belt that passes it twice a period: where it falls behind the push without
+    it, m + F cos w t - x, and the change of that vanish."""
+
+    def push(side: int) -> Any:
+        return lambda t, x, p: [x[1], -x[0] - side + p["F"] * np.cos(p["w"] * t)]
+
+    belt = cb.Filippov(push(1), push(-1), lambda t, x, p: x[1] - 1)
+    period, start = (lambda p: 2 * np.pi / p["w"]), {"x": 0.0, "v": 0.5}
+    passes = cb.cycle(belt, start, {"F": 2.5, "w": 1.7}, period=period, settle=100)
+    slides = cb.trace(passes, "F", within={"F": (1, 4)}).first("SL")
+    line = cb.boundary(slides, ("w", "F"), within={"w": (0.3, 2), "F": (1, 8)}, events=())
+    end = line.first("SL-GR")
+
+    def flown(side: int, t0: float, t1: float, x: float, w: float, F: float) -> tuple[float, float]:
+        """x and v from v = 1 on."""
+        rest = np.array([F * np.cos(w * t) / (1 - w * w) - side for t in (t0, t1)])
+        pace = np.array([-F * w * np.sin(w * t) / (1 - w * w) for t in (t0, t1)])
+        turned = (x - rest[0] + 1j * (1 - pace[0])) * np.exp(-1j * (t1 - t0))
+        return turned.real + rest[1], turned.imag + pace[1]
+
+    def left(z: Any) -> list[float]:
+        t0, t1, x0, w, F = z
+        x1 = 1 + F * np.cos(w * t1)
+        over, under = flown(1, t0, t1, x0, w, F), flown(-1, t1, t0 + 2 * np.pi / w, x1, w, F)
+        return [over[0] - x1, over[1] - 1, under[0] - x0, under[1] - 1, 1 + F * w * np.sin(w * t1)]
+
+    flights = end.solution.flights
+    begins = next(of for of in flights if of.at(np.array([0.5]))[1, 0] > 1)
+    near = [begins.start, begins.last, begins.states[0][0], end["w"], end["F"]]
+    exact = fsolve(left, near, xtol=1e-13)
+    assert [end["w"], end["F"]] == pytest.approx(exact[-2:], abs=1e-8)
+    assert exact == pytest.approx(near, abs=1e-6)
