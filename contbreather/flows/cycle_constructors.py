@@ -21,7 +21,7 @@ from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
-from .cycle_events import events_of_cycle, touches
+from .cycle_events import arrivals, events_of_cycle, shares, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of
 from .equations import FlowEquations
 from .flow import Filippov, Flow, period_at, refuse_false_period, value_over
@@ -491,12 +491,17 @@ def _unforced(equations: FlowEquations) -> str:
 
 
 def _refuse_passed(orbit: Cycle) -> None:
-    """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing."""
-    touch = min(touches(orbit), default=None)
-    if touch and touch.clearance < -1e-9:  # less is passed, as where a walk begins
+    """Refuse an orbit that Newton's iteration moved through a wall, of which it knows nothing, or
+    beyond where its flows follow each other: what has yet to settle may go by another order."""
+    passed = [(touch.clearance, f"passes {touch.guard} of flow {touch.flow}, which is "
+               f"{touch.clearance:.3g} at t = {touch.time:.4g}")
+              for touch in touches(orbit)]  # fmt: skip
+    for margin in (*arrivals(orbit), *shares(orbit)):
+        passed.append((margin.value, f"is beyond where {margin.said}"))
+    value, said = min(passed, default=(0.0, ""))
+    if value < -1e-9:  # less is passed, as where a walk begins
         raise NotConverged(
-            "no periodic orbit was found from there: the closest passes "
-            f"{touch.guard} of flow {touch.flow}, which is {touch.clearance:.3g} at "
-            f"t = {touch.time:.4g}; let it settle longer (settle=), or start closer to the orbit",
-            residual=-touch.clearance,
+            f"no periodic orbit was found from there: the closest {said}; let it settle longer "
+            "(settle=), or start closer to the orbit",
+            residual=-value,
         )

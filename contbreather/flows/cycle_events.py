@@ -517,7 +517,7 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
         yield Margin(rate, system, said, i)
 
 
-def _arrivals(orbit: Cycle) -> Iterator[Margin]:
+def arrivals(orbit: Cycle) -> Iterator[Margin]:
     """Measure the field of the other side where an orbit comes to the surface: it points away from
     it where the orbit crosses, and at it where it slides."""
     flows, flights = [*map(plain, orbit.equations.flows)], orbit.flights
@@ -537,7 +537,7 @@ def _arrivals(orbit: Cycle) -> Iterator[Margin]:
         yield Margin(value, partial(reached.arriving, following), said, i, "sliding")
 
 
-def _shares(orbit: Cycle) -> Iterator[Margin]:
+def shares(orbit: Cycle) -> Iterator[Margin]:
     """Measure the share of the orbit, beyond what counts as none, of flows that begin where a
     condition without a reset is all but touched: where two flows meet at a tangency one comes into
     being, as short as the root of how far the parameter is beyond. And of those that do at an edge
@@ -612,9 +612,9 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
         ends = [
             _Nearest("VI", _rates),
             _Nearest("CC", _collisions),
-            _Nearest("GR", _clearances, _none if slides else _shares),
-            _Nearest("SL", _shares, _arrivals) if slides else _Nearest("GR", _shares, _clearances),
+            _Nearest("GR", _clearances, _none if slides else shares),
+            _Nearest("SL", shares, arrivals) if slides else _Nearest("GR", shares, _clearances),
         ]
-        ends += [_Nearest("SL", _arrivals, _shares)] if slides else []
+        ends += [_Nearest("SL", arrivals, shares)] if slides else []
         events += [end.event() for end in ends]
     return tuple(events)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, fsolve
 
 import contbreather as cb
-from contbreather import Problem
+from contbreather import NotConverged, Problem
+from contbreather.flows import cycle_of
 
 from .test_filippov import MASS, pushed
 from .zoo import STICK_SLIP, across
@@ -401,3 +403,17 @@ def test_curves_of_sliding_end_where_the_edge_is_touched_from_within() -> None:
     exact = fsolve(left, near, xtol=1e-13)
     assert [end["w"], end["F"]] == pytest.approx(exact[-2:], abs=1e-8)
     assert exact == pytest.approx(near, abs=1e-6)
+
+
+def test_a_run_that_has_yet_to_settle_by_turns_is_no_orbit_of_other_flows() -> None:
+    """A mass passes its belt every other period, ever more briefly; settled it sticks at once."""
+
+    def push(side: int) -> Any:
+        return lambda t, x, p: [x[1], -x[0] - side + p["F"] * np.cos(1.7 * t)]
+
+    belt = cb.Filippov(push(1), push(-1), lambda t, x, p: x[1] - 1)
+    found = partial(cb.cycle, belt, {"x": 0.0, "v": 0.5}, {"F": 1.49}, period=2 * np.pi / 1.7)
+    with pytest.raises(NotConverged, match=r"beyond where .*settle longer"):
+        found(settle=200)
+    orbit = cycle_of(found(settle=1500))
+    assert [belt.flows.index(flow) for flow in orbit.equations.flows] == [1, 3]
