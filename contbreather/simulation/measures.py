@@ -207,7 +207,8 @@ def weighted_mean(values: Array) -> Array:
     (True, True)
     """
     x = np.arange(1.0, len(values) + 1.0) / (len(values) + 1.0)
-    weight = np.exp(-1.0 / (x * (1.0 - x)))
+    # none is 0, times which an infinite value is NaN
+    weight = np.maximum(np.exp(-1.0 / (x * (1.0 - x))), np.finfo(float).tiny)
     return np.asarray(np.tensordot(weight / weight.sum(), values, axes=1))
 
 
