@@ -36,8 +36,7 @@ def check_function(
     """Refuse, with a sentence, a function without values of a shape; None: a row of any length."""
     where, state, params = place(t, x, p), x.copy(), dict(p)
     try:
-        returned = function(t, state, params)
-        value = np.asarray(returned, dtype=float)
+        returned = np.asarray(function(t, state, params))
     except KeyError as error:
         if error.args[0] in p:
             raise
@@ -47,8 +46,11 @@ def check_function(
         raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
     if params != p or not np.array_equal(state, x):
         raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
-    check_double(f"what {name} returns", np.asarray(returned))
-    if shape == () and np.asarray(returned).dtype == bool:
+    if returned.dtype.kind not in "biuf":  # complex numbers, objects as SymPy's
+        raise BadInput(f"{name} returns {returned!r}; real numbers were expected, {where}")
+    check_double(f"what {name} returns", returned)
+    value = returned.astype(float)
+    if shape == () and returned.dtype == bool:
         raise BadInput(
             f"{name} is {returned} {where}; a number was expected, positive inside and zero where "
             "the flow ends: p['s'] - x[0], not x[0] < p['s']"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -340,3 +341,14 @@ def test_equations_in_single_precision_are_refused() -> None:
         cb.trace(cb.Problem(circle, {"x": 1.0}, {"mu": 0.0}), "mu")
     with pytest.raises(BadInput, match="what f returns has single precision"):
         cb.equilibrium(lambda t, x, p: np.float32(p["mu"] - x), {"x": 1.0}, {"mu": 1.0})
+    with pytest.raises(BadInput, match="what the map makes has single precision"):
+        cb.trace(cb.FixedPoint(lambda x, p: np.float32(p["mu"] * x), {"x": 0.0}, {"mu": 0.5}), "mu")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("number", [complex, Fraction])
+def test_equations_of_numbers_that_are_no_floats_are_refused(number) -> None:
+    with pytest.raises(BadInput, match=r"f returns array\(.*real numbers were expected, at t = 0"):
+        cb.cycle(lambda t, x, p: [number(x[1]), number(-x[0])], {"x": 1.0, "v": 0.0}, {"mu": 1.0})
+    with pytest.raises(BadInput, match=r"an array of numbers was expected|are not real"):
+        cb.trace(cb.Problem(lambda x, p: [number(x[0])], {"x": 0.0}, {"mu": 1.0}), "mu")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...checks import whole
+from ...checks import check_double, whole
 from ...errors import BadInput
 from ...tables import HtmlRepr, Sheet
 from ..algebra.newton import Array
@@ -134,6 +134,7 @@ class Iterate:
         image = np.array(self.map(x.copy(), params), ndmin=1)
         if image.shape != x.shape or not np.issubdtype(image.dtype, np.number):
             raise BadInput(f"the map makes {image!r} of {x!r}; {x.size} numbers were expected")
+        check_double("what the map makes", image)
         return image
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:

@@ -26,7 +26,7 @@ def check_start(curve: Curve) -> Array:
         raise BadInput(
             f"the equations have no value at the start {problem.start_text()}: {error}"
         ) from error
-    if value.dtype == bool:
+    if value.dtype.kind not in "iuf":  # truth values, objects as SymPy's
         raise BadInput(f"the residual is {value!r}; an array of numbers was expected")
     check_double("the residual", value)
     given, at = list[tuple[str, Any, tuple[int, ...]]](), (z[:n].copy(), curve.params(z))
