@@ -71,6 +71,8 @@ def test_run_under_somebody_s_own_forcing_is_refused_in_a_sentence(tmp_path: Pat
         cb.BadInput, match=r"'Point|a Point.* cannot be kept in a file; branches, .*zones, "
     ):
         cb.save(tmp_path / "run.nc", point=branch()[0])
+    with pytest.raises(cb.BadInput, match="a Lattice cannot be kept in a file; branches, "):
+        cb.save(tmp_path / "run.nc", lattice=cb.OpenChain(3))
     assert not (tmp_path / "run.nc").exists()
 
 

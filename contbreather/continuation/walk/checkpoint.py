@@ -145,7 +145,9 @@ def result_to_dict(result: Any, *, recorded: bool | None = True) -> dict[str, An
     if isinstance(result, Branch):
         return branch_to_dict(result, recorded=recorded)
     content = to_dict(result)
-    if not (isinstance(content, dict) and "kind" in content and content.keys() & _PARTS):
+    parts = content if isinstance(content, dict) and "kind" in content else {}
+    # of a lattice columns are those of its matrix, a row of numbers
+    if not any(isinstance(parts.get(name), Mapping) for name in _PARTS):
         raise NotSerialisable(result)
     groups = content.get("groups", {}).items()
     inside = {name: result_to_dict(part, recorded=recorded) for name, part in groups}
