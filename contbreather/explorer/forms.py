@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from functools import partial
 from html import escape
 from io import BytesIO, StringIO
-from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -272,7 +272,7 @@ class PageForms:
         return BytesIO(figure)
 
     def _save(self, path: str) -> None:
-        if path not in ("", self.replaced) and Path(path).exists():
+        if path not in ("", self.replaced) and os.path.exists(path):  # of any text
             self.replaced = path
             raise BadInput(f"{path} exists: press again to replace it, or name another file.")
         self.replaced = ""

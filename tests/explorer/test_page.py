@@ -287,6 +287,9 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
     page.forms.file.value = ""
     press(page, "Save all curves")
     assert "the name of the file" in sentence(page.forms.troubles["Keep"])
+    page.forms.file.value = "n" * 300
+    press(page, "Save all curves")
+    assert "File name too long" in page.status.html + sentence(page.forms.troubles["Keep"])
     page.forms.file.value = str(path)
     press(page, "Save all curves")
     assert "press again to replace it" in sentence(page.forms.troubles["Keep"])
