@@ -342,10 +342,11 @@ MISTAKES = {
         (6, "branch.one.mistake: unknown here"),
         (15, "atlas.r.gamma: gamma = 2"),
     ]),
-    "keys": ("[chain]\nlatice = 'ring:6'\nsitee = 3\n[zones.z]\nk = 2.0\n", [
+    "keys": ("[chain]\nlatice = 'ring:6'\nsitee = 3\ndamping = 'no'\n[zones.z]\nk = 2.0", [
         (2, "chain.latice: unknown here; did you mean lattice?"),
         (3, "chain.sitee: unknown here; did you mean site?"),
-        (5, "zones.z.k: k = 2"),
+        (4, "chain.damping: values = 'no': finite real numbers were expected"),
+        (6, "zones.z.k: k = 2"),
     ]),
 }  # fmt: skip
 

@@ -85,6 +85,12 @@ def _values(typed: Any) -> list[float]:
     return values.tolist()
 
 
+def _losses(typed: Any) -> float | list[float]:
+    """Read a number, or one for each site."""
+    losses: float | list[float] = numbers("values", typed).tolist()
+    return losses
+
+
 def _in_range(typed: Any, info: ValidationInfo) -> Any:
     """Check values by the range of the parameter that has the name of the key."""
     for value in typed if isinstance(typed, list) else [typed]:
@@ -105,7 +111,7 @@ Source = Annotated[Part, PlainValidator(_part)]
 Values = Annotated[list[float], PlainValidator(_values)]
 Ranged = Annotated[list[float], PlainValidator(_values), AfterValidator(_in_range)]
 Window = Annotated[list[float], Field(min_length=2, max_length=2)]
-Loss = Annotated[float | list[float], AfterValidator(_in_range)]
+Loss = Annotated[float | list[float], PlainValidator(_losses), AfterValidator(_in_range)]
 
 
 # --- tables -----------------------------------------------------------------------------------
