@@ -560,6 +560,7 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_pa
     again = cb.load(tmp_path / "ball.nc")
     assert again["phase"] == pytest.approx(branch["phase"], abs=0)
     assert again["max(v)"] == pytest.approx(branch["max(v)"], abs=0)
+    assert list(again.to_dataframe()) == list(branch.to_dataframe())  # without its collocation
     orbit = pickle.loads(pickle.dumps(branch[0].solution.flights))
     assert orbit[0].duration == pytest.approx(TAU)
 

@@ -36,7 +36,7 @@ BRANCH = {  # what `branch_to_dict` writes besides columns and groups
     "kinds": list[str], "detail": dict[str, dict[str, Any]],
     "parent": bool, "point_label": str, "period": int | None,
     "equations": dict[str, Any] | None, "base": tuple[list[str], list[str]],
-    "shown": list[str], "settings": dict[str, Any] | None,
+    "shown": list[str], "internals": list[str], "settings": dict[str, Any] | None,
 }  # fmt: skip
 SETTINGS = {
     "within": dict[str, tuple[float, float]], "events": list[dict[str, Any]] | None,
@@ -135,7 +135,8 @@ class _Stored:
             names = content["unknowns"], content["parameters"]
             start, params = ({name: first[name] for name in some} for some in names)
             words = {"label": content["label"], "shown": content.get("shown", ())}
-            curve = self._curve(_Bare(no_equations, start, params, **words))
+            internals = frozenset(content.get("internals", ()))
+            curve = self._curve(_Bare(no_equations, start, params, internals=internals, **words))
             if content["boundary"]:
                 curve.varied = (content["free"][0], content["unknowns"][-1])
             return curve, self._settings(()), ()
@@ -281,6 +282,7 @@ class _Bare(Problem):
     """The names and numbers of a branch alone."""
 
     shown: Sequence[str] = field(default=(), kw_only=True)  # type: ignore[misc]
+    internals: frozenset[str] = field(default=frozenset(), kw_only=True)
     interpret = staticmethod(no_equations)
 
 
