@@ -182,6 +182,13 @@ def dots_of(ax) -> list[tuple[complex, str]]:
     ]
 
 
+def test_a_branch_of_one_point_is_seen(in_a: Branch) -> None:
+    one = in_a[3:4]
+    assert not one.special
+    place = one["a"][0], one["p"][0]
+    assert hue(painted(plots.plot(one).axes)(*place)) == BLUISH
+
+
 @pytest.mark.parametrize(
     ("half", "labels"), [(True, ["0.6158", "1.0628"]), (False, ["0.3792", "1.1294"])]
 )

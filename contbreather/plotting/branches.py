@@ -93,7 +93,8 @@ def plot_branches(
                 for style, *line in pieces(branch, x, name):
                     styles.add(style)
                     grey = style == UNKNOWN and not coloured
-                    axes.plot(*line, style, color=GREY if grey else colour)
+                    dot = "." * (len(branch) == 1)  # there is no line
+                    axes.plot(*line, style, color=GREY if grey else colour, marker=dot)
                 its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
                 for mark in its:
                     kind, end = mark.point.kind, mark.point.kind == "EP"
