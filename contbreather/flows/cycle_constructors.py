@@ -37,6 +37,7 @@ _SOLVED = 1e-10  # to this the equations are solved, and a multiplier that has t
 _ALMOST = 1e-6  # the same where Newton's iteration went astray beside a family
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
+_NO_TIME = 1e-6  # of the period of the start: what is less is no orbit
 
 
 @one_thread
@@ -407,6 +408,11 @@ def _closed(
     for fit_again in (fit, None):
         equations, solved = _solved(equations, problem_at, fit_again)
         flights = equations.flights(solved.x, params)
+        if _lasts_no_time(cycle_of(solved)):
+            raise NotConverged(
+                "no periodic orbit was found from there: Newton's iteration shrinks its period to "
+                "nothing; let it settle longer (settle=), or give samples of a whole period"
+            )
         if equations.autonomous:  # what is forced may rest, as where a parameter swings
             extents = [np.ptp(flight.sampled(2)[1], axis=1).max() for flight in flights]
             refuse_rest(np.array(extents), flights[0].states[0], size)
@@ -461,13 +467,18 @@ def _is_coarse(equations: FlowEquations) -> bool:
     return any(flight.unresolved()[0] > UNRESOLVED for flight in equations.start)
 
 
+def _lasts_no_time(orbit: Cycle) -> bool:
+    """Test whether every state returns, for it has no time to leave."""
+    return orbit.period <= _NO_TIME * sum(flight.duration for flight in orbit.equations.start)
+
+
 def _refuse_family(problem: Problem, near: float, error: Exception | None = None) -> None:
     """Refuse an orbit with others beside it: with a second multiplier that is so near 1."""
     with suppress(Undefined):
         orbit, curve = cycle_of(problem), Curve(problem, ())
         left = curve.equations(problem.x)
-        if error is None and not orbit.equations.condensed:
-            return  # too large to be asked
+        if _lasts_no_time(orbit) or (error is None and not orbit.equations.condensed):
+            return  # or too large to be asked
         solved = float(abs(left).max()) <= _ALMOST * np.max(problem.scales["orbit"])
         others = orbit.indices if orbit.paired else orbit.others
         family = solved

@@ -476,3 +476,18 @@ def test_an_orbit_that_is_not_found_is_refused_once() -> None:
         )  # fmt: skip
     said = "".join(traceback.format_exception(refused.value))
     assert said.count("NotConverged: the start") == 1
+
+
+def test_half_a_period_of_samples_is_refused_as_that_not_as_an_equilibrium() -> None:
+    """The origin alone is one, and Newton's iteration comes to any state at no time at all."""
+
+    def vdp(t, x, p):
+        return [x[1], p["mu"] * (1 - x[0] ** 2) * x[1] - x[0]]
+
+    run = solve_ivp(vdp, (0, 60), [2.0, 0.0], args=({"mu": 1.0},), rtol=1e-9, dense_output=True)
+    for begin, part in ((40.0, 3.0), (43.0, 3.0), (41.5, 4.0)):
+        t = np.linspace(begin, begin + part, 200)
+        with pytest.raises(NotConverged, match="no periodic orbit was found") as refused:
+            cb.cycle(vdp, (t, run.sol(t)), {"mu": 1.0})
+        assert "equilibrium" not in str(refused.value)
+        assert "family" not in str(refused.value)
