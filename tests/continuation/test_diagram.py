@@ -14,7 +14,7 @@ from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.diagram import Diagram, diagram
 from contbreather.continuation.branches.switching import Seed, SwitchingProblem
-from contbreather.errors import Interrupted
+from contbreather.errors import BadInput, Interrupted
 
 from .zoo import (
     LORENZ,
@@ -60,6 +60,11 @@ def test_a_pitchfork_is_found_whole_from_anywhere_on_it(start: tuple[float, floa
     assert len(tree) == 3
     assert len([p for p in tree.special if p.kind == "BP"]) == 1
     assert (tree.failed, tree.left, tree.interrupted) == ((), (), False)
+
+
+def test_a_label_is_asked_of_a_branch_which_the_diagram_says() -> None:
+    with pytest.raises(BadInput, match=r"diagram\[0\]\.first\('BP1'\) for instance"):
+        grown(PITCHFORK.problem)["BP1"]
 
 
 def test_what_was_born_where() -> None:

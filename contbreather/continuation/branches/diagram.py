@@ -117,7 +117,13 @@ class Diagram(Columns, HtmlRepr):
         return iter(self.branches)
 
     def __getitem__(self, index: int) -> Branch:
-        return self.branches[index]
+        try:
+            return self.branches[index]
+        except TypeError:
+            raise BadInput(
+                f"diagram[{index!r}]: the number of a branch was expected, diagram[0]."
+                f"first({index!r}) for instance; diagram.special has the points of all branches"
+            ) from None
 
     def columns(self) -> dict[str, Any]:
         """Columns of all branches, which ``branch`` numbers."""
