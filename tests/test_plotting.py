@@ -333,7 +333,13 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
         (lambda b, z: plots.plot_diagram([b], y="q"), "no branch has a column 'q'; there are"),
         (lambda b, z: plots.plot_diagram([b], y=3), "a function of a point, was expected, got"),
         (lambda b, z: plots.plot_diagram([]), "no branch to draw"),
-        (lambda b, z: plots.plot_diagram(b, y=lambda p: "x"), "no numbers to draw in the column"),
+        *(
+            (
+                lambda b, z, no=no: plots.plot_diagram(b, y=lambda p: no),
+                "no real numbers to draw in",
+            )
+            for no in ("x", 1j, None)
+        ),
         (lambda b, z: plots.plot_space_time(b[0].solution, sites=()), "at least one site was"),
         (
             lambda b, z: plots.save_figure("x.png", plots.plot(b)),

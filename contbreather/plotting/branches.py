@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contbreather.checks import check_kind
+from contbreather.checks import brief, check_kind
 from contbreather.continuation.branches.diagram import Diagram
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
@@ -253,10 +253,10 @@ def axis_title(branch: Branch, name: str) -> str:
 def column_of(branch: Branch, name: str) -> Array:
     """Return a column as it is drawn: of arrays the entry of largest size, with its sign."""
     values = branch[name]
-    try:
-        values = np.asarray(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise BadInput(f"no numbers to draw in the column {name!r}: {error}") from error
+    if values.dtype.kind not in "biuf":  # of complex ones only a part could be
+        first = brief(values.flat[0])
+        raise BadInput(f"no real numbers to draw in the column {name!r}: it has {first}")
+    values = values.astype(float)
     return values if values.ndim == 1 else _largest(values.reshape(len(values), -1))
 
 
