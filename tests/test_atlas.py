@@ -111,8 +111,10 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
         plot_atlas(found, kinds=3)  # type: ignore[arg-type]
     once = plot_atlas(found, over="c3", at={"k": 0.8}, kinds=iter(["LP"])).axes
     assert [text.get_text() for text in once.get_legend().get_texts()] == ["fold (LP)"]
-    with pytest.raises(cb.BadInput, match="an atlas was expected"):
-        plot_atlas(3)  # type: ignore[arg-type]
+    branch = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "a", within={"a": (0.4, 0.6)})
+    for other in (3, branch, branch.to_xarray()):  # a branch has a reason, too
+        with pytest.raises(cb.BadInput, match="an atlas was expected"):
+            plot_atlas(other)  # type: ignore[arg-type]
 
 
 def test_an_interrupted_atlas_says_so_in_its_file(found: Any, monkeypatch: Any, tmp_path: Path):

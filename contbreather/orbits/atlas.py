@@ -303,7 +303,7 @@ def words(atlas: Dataset, name: str) -> list[str]:
 
 
 def check_atlas(atlas: object) -> None:
-    if not hasattr(atlas, "reason"):
+    if "plane" not in getattr(atlas, "attrs", ()):
         raise BadInput(f"an atlas was expected, as contbreather.atlas makes; got {kind_of(atlas)}")
 
 
