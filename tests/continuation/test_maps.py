@@ -211,3 +211,20 @@ def test_a_tongue_of_a_map_is_walked_round_once() -> None:
         assert once.stop.name == "CLOSED"
         assert [point.kind for point in once.special] == ["LP", "LP"]
     assert branch["m"].min() == pytest.approx(-branch["m"].max(), abs=1e-9)
+
+
+def test_a_curve_of_folds_goes_on_beyond_a_ring_of_fixed_points() -> None:
+    """Of Ikeda's map, on |z|^2 = 14 where no light comes in or is lost: a double multiplier 1, and
+    CP, whose normal form is none there, within one step."""
+
+    def ikeda(z, p):
+        turn = 0.4 - 6 / (1 + z[0] ** 2 + z[1] ** 2)
+        c, s = p["C"] * np.cos(turn), p["C"] * np.sin(turn)
+        return [p["R"] + z[0] * c - z[1] * s, z[0] * s + z[1] * c]
+
+    window = {"R": (-0.5, 3), "C": (0.1, 1.2)}
+    fixed = FixedPoint(ikeda, {"x": 0.1, "y": 0.0}, {"R": 0.1, "C": 0.9})
+    folds = boundary(trace(fixed, "R", within=window).first("LP"), ("C", "R"), within=window)
+    ring = folds.first("R1")
+    assert [point.kind for point in folds.special] == ["EP", "R1", "CP", "R1", "EP"]
+    assert [ring["R"], ring["C"], ring["x"]] == pytest.approx([0, 1, math.sqrt(14)], abs=1e-9)

@@ -11,7 +11,6 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -41,7 +40,10 @@ def special(samples: StepSamples, point: Point, low: float, high: float, reason:
     doubt = point.detail.get("reason", "")
     verdict: Examined = reason or doubt
     if event.examine is not None and not reason:
-        verdict = event.examine(point)
+        try:
+            verdict = event.examine(point)
+        except Undefined as error:
+            verdict = str(error)
         if doubt and verdict is not NOTHING:
             verdict = doubt
     if isinstance(verdict, str) and verdict:
@@ -404,9 +406,6 @@ def _in_doubt(
     samples: StepSamples, point: Point, left: float, right: float, reason: str
 ) -> Iterator[Point]:
     """A place that cannot be located, unless nothing happens there."""
-    known = samples.event.kind
     samples.zeros.append(0.5 * (left + right))
-    with suppress(Undefined):  # what cannot be examined stays in doubt
-        known = special(samples, point, left, right).kind
-    if known:  # it is empty where nothing happens
+    if special(samples, point, left, right).kind:  # it is empty where nothing happens
         yield special(samples, point, left, right, reason)
