@@ -143,7 +143,7 @@ def cycle(
     else:
         begun = _simulated(system, start, params, conserved, wraps, forcing, (t0, settle))
     (path, pieces, params), turns = begun[:3], 1
-    units = _units(scales or {}, begun)
+    units = _units(scales or {}, begun, conserved)
     if forcing is not None:
         whole = sum(b - a for _, a, b in pieces)
         turns = max(1, round(whole / period_at(forcing, params)))
@@ -186,12 +186,12 @@ def cycle(
     return closed.having(fixed) if conserved else closed
 
 
-def _units(scales: Mapping[str, float], begun: _Begun) -> Any:
+def _units(scales: Mapping[str, float], begun: _Begun, conserved: Quantities) -> Any:
     """Read the sizes of the states, of which those of all flows are the same."""
     check_kind(scales, Mapping, "scales as a dict of sizes")
     parts = begun.parts
-    if unknown := [name for name in scales if name not in {*parts, *begun.params}]:
-        named = [*parts, *begun.params]
+    named = [*parts, *begun.params, *conserved]
+    if unknown := [name for name in scales if name not in named]:
         raise BadInput(f"scales={unknown}: no state or parameter is called so; there are {named}")
     sizes = [number(f"scales[{name!r}]", scales.get(name, 1.0), 1e-300, 1e300, "a size")
              for name in parts]  # fmt: skip

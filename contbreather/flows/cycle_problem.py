@@ -594,7 +594,13 @@ class CycleProblem(Problem):
         scales = {"orbit": size} | {name: whole for name in (*times, "phase") if name in start}
         # or steps would be all about what has large numbers, as the frequency of what is fast
         scales |= {name: abs(value) for name, value in params.items() if abs(value) > 1e3}
-        scales |= {name: size for name, size in (sizes or {}).items() if name in params}
+        kept = equations.conservation
+        known = {*params, *(kept.quantities if kept else ())}
+        scales |= {name: size for name, size in (sizes or {}).items() if name in known}
+        if kept:  # an energy that is given is an unknown as well, and lambda pushes along its slope
+            scales.setdefault("held", scales.get(kept.held, 1.0))
+            lambdas = zip(kept.quantities, kept.lambdas, strict=True)
+            scales |= {name: 1 / scales[of] for of, name in lambdas if of in scales}
         return cls(
             equations, start, dict(params), events=tuple(events), scales=scales, label=label,
             record=cls.recorded(equations, {*params, *start}),

@@ -80,6 +80,19 @@ def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     )
 
 
+@pytest.mark.parametrize("unit", [1e-12, 1e9])
+def test_a_family_takes_the_same_steps_whatever_the_unit_of_its_energy(unit: float) -> None:
+    walks = []
+    for size in (1.0, unit):
+        swing = backbone(
+            conserves=lambda x, p, e=size: e * of_duffing(x, p), scales={"energy": size}
+        )
+        walks.append(cb.trace(swing, "energy", within={"energy": (0.01 * size, 5 * size)}))
+    plain, family = walks
+    assert abs(len(family) - len(plain)) <= 2
+    assert family["period"] == pytest.approx(duffing_period(family["max(u)"]), rel=1e-8)
+
+
 def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> None:
     """T = 4 K(sin^2(A / 2)), E = 1 - cos A."""
     swing = cb.cycle(
