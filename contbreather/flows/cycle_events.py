@@ -87,7 +87,8 @@ def examine_swing(least: float, point: Point) -> Examined:
 def _examine_generalised(point: Point) -> Examined:
     """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
     of A dp/dA."""
-    if reason := examine_swing(FLAT, point):
+    # off by the square of its size, in units of its smallest state: what is large, by itself
+    if reason := examine_swing(math.sqrt(FLAT), point):
         return reason
     curve, equations = point.base_point.curve, equations_of(point.base_point)
     left = _amplitude(equations, curve, z := point.z)

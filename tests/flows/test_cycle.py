@@ -787,6 +787,23 @@ def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised
     assert curve["nu"] == pytest.approx(-0.25, abs=1e-12)
 
 
+def test_folds_end_at_a_generalised_hopf_point_where_small_orbits_turn_at_their_own_pace() -> None:
+    """At m = b = 0, by radius and angle: m = -b^2/4 on the folds."""
+
+    def twisted(t, x, p):
+        u, v = x
+        square = u**2 + v**2
+        grows, turns = p["m"] + p["b"] * square - square**2, 1 + 1000 * square
+        return [grows * u - turns * v, grows * v + turns * u]
+
+    rest = cb.equilibrium(twisted, {"u": 0.0, "v": 0.0}, {"m": 0.1, "b": 1.0})
+    hopf = cb.trace(rest, "m", within={"m": (-1, 1)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"m": (-1, 0.2)})
+    line = cb.boundary(cycles.first("LP"), ("b", "m"), within={"b": (-0.5, 1.5)})
+    assert [point.kind for point in line.special] == ["GH", "EP"]
+    assert not line.doubtful
+
+
 def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
     """Morris and Lecar's neuron: with the phase by the trapezoidal rule it ended as MX before."""
 
