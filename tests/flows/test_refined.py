@@ -98,6 +98,19 @@ def test_prey_that_all_but_dies_out_sets_the_period() -> None:
     assert end["period"] == pytest.approx(logarithms.start["period"], rel=1e-7)
 
 
+def test_an_oscillator_that_turns_fast_beside_its_forcing_has_its_multipliers() -> None:
+    """exp((-d/2 + i w) T) in closed form: with nine radians in an interval they were as wrong as can
+    be, and nothing said so."""
+
+    def f(t, x, p):
+        return [x[1], -0.2 * x[1] - p["k"] * x[0] + np.cos(t)]
+
+    start = cb.cycle(f, {"x": 0.0, "v": 0.0}, {"k": 900.0}, period=2 * np.pi, settle=100)
+    end = cb.trace(start, "k", within={"k": (800, 1600)}, towards="up")[-1]
+    exact = np.exp(2 * np.pi * (-0.1 + 1j * np.sqrt(1600 - 0.01)))
+    assert abs(end.solution.multipliers - exact).min() < 1e-5
+
+
 def test_errors_tell_multipliers_that_the_mesh_of_a_slow_orbit_does_not_resolve() -> None:
     """(A, 0, -A) of three coupled nonlinear Schroedinger equations turns at A^2, modes across it at
     a frequency near 1: multipliers are 0.3 % off with 20 intervals, all others are rounding."""
