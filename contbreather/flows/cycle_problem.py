@@ -246,19 +246,21 @@ class Cycle(HtmlRepr):
         """Its equations with twice as many points in each interval."""
         if isinstance(self.equations, SparseFlowEquations):
             raise BadInput("errors are estimated for up to 40 states: compare with more intervals")
-        finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in self.flights)
+        flights = self.equations.flights(self.x, self.params)
+        finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in flights)
         return replace(self.equations, start=finer)
 
     @cached_property
     @one_thread
     def errors(self) -> dict[str, float]:
-        mu = np.concatenate(of_cycle(self.doubled, self.x, self.params))
-        apart = abs(self.multipliers[:, None] - mu).min(axis=1, initial=math.inf)
+        finer = replace(self, equations=self.doubled)
+        apart = abs(self.multipliers[:, None] - finer.multipliers).min(axis=1, initial=math.inf)
         worst = (apart / np.maximum(abs(self.multipliers), 1.0)).max(initial=0.0)
         late, left = math.inf, self.doubled(self.x, self.params)
         with suppress(Undefined):  # at a fold no parameter has an orbit of its own
             off = solved(self.equations.derivatives(self.x, self.params), left, "")
-            late = abs(off[self.equations.layout.lengths].sum()) / self.period
+            lengths = self.equations.layout.lengths
+            late = abs(off[lengths].sum() / self.x[lengths].sum())
         return {"period": float(late), "multipliers": float(worst)}
 
     def coarse(self, on: str = "") -> str:
@@ -506,7 +508,7 @@ class CycleProblem(Problem):
         if orbit.roughest[0] <= UNRESOLVED or not self.residual.autonomous or point.kind == "BP":
             return ""
         curve = Curve(point.problem, point.curve.free[:1])
-        z, length, period = curve.start, self.residual.layout.lengths, orbit.period
+        z, length = curve.start, self.residual.layout.lengths
         if not isinstance(matrix := curve.jacobian(z), np.ndarray):
             return ""  # so many intervals are enough
         way = np.eye(len(curve.free), z.size, length[0])
@@ -514,10 +516,10 @@ class CycleProblem(Problem):
             way[0] = curve.tangent_at(z, way[0])[0]
         left = orbit.doubled(z[: curve.size], point.params)
         off = solved(np.vstack([matrix, curve.metric * way]), np.append(left, 0 * way[:, 0]), "")
-        late = off[length].sum() / period
+        late = off[length].sum() / z[length].sum()
         if curve.free:  # the distance of branches: where this one is steep that of the parameter
             size = max(abs(z[-1]), abs(point.curve.start[len(z) - 1])) or 1.0
-            along, across = way[0, length].sum() / period, way[0, -1] / size
+            along, across = way[0, length].sum() / z[length].sum(), way[0, -1] / size
             late = (late * across - off[-1] / size * along) / math.hypot(along, across)
         why = f"the period is {abs(late):.1g} of itself off, "
         return orbit.too_coarse(why) if abs(late) > RESOLVED else ""

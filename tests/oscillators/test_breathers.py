@@ -59,6 +59,9 @@ def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> 
     np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(nu), atol=1e-10)
     for problem in (few, many):
         assert abs(problem.solution.trivial - 1) < 1e-10
+    assert max(few.solution.errors.values()) < 1e-9
+    with pytest.raises(cb.BadInput, match="compare with more intervals"):
+        _ = many.solution.errors
     one, other = (cb.trace(problem, "c", within={"c": (0.02, 0.1)}) for problem in (few, many))
     assert [p.kind for p in one.special] == [p.kind for p in other.special]
     for name in ("energy", "largest", "max|u|"):
