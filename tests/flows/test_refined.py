@@ -99,8 +99,8 @@ def test_prey_that_all_but_dies_out_sets_the_period() -> None:
 
 
 def test_an_oscillator_that_turns_fast_beside_its_forcing_has_its_multipliers() -> None:
-    """exp((-d/2 + i w) T) in closed form: with nine radians in an interval they were as wrong as can
-    be, and nothing said so."""
+    """exp((-d/2 + i w) T) in closed form: with nine radians in an interval they were as wrong as
+    can be, and nothing said so."""
 
     def f(t, x, p):
         return [x[1], -0.2 * x[1] - p["k"] * x[0] + np.cos(t)]
