@@ -30,6 +30,7 @@ def ring() -> cb.Problem:
 def refined(ring) -> cb.Branch:
     branch = cb.trace(ring, "mu", within={"mu": (0.5, 1.5)}, towards="up")
     assert branch["mesh"].shape[1] > FEW.intervals
+    assert not branch.start_correction  # the same orbit on another mesh
     return branch
 
 

@@ -166,7 +166,10 @@ def starts_on_curve(
         curve, residual, tangent = directed_start(problem, free, along)
         bounds, sign = bounds_of(curve, within), 0
     # how far the start that was given had to be moved, if that is worth telling
-    off = curve.length(curve.start - np.append(problem.x, problem.params[free]))
+    # of a solution, not of the mesh that it is given on
+    seen = [np.full(np.size(v), n not in problem.internals) for n, v in problem.start.items()]
+    moved = curve.start - np.append(problem.x, problem.params[free])
+    off = curve.length(moved * np.concatenate([*seen, [True]]))
     detail = {"moved": off} if off > 1e-3 * (1 + curve.length(curve.start)) else {}
     point = Point(curve, curve.start, tangent, 0.0, residual, detail=detail)
     first = StartOnCurve(point, sign, bounds, along is not None)
