@@ -337,7 +337,7 @@ class Slopes(NamedTuple):
     inside: Array  # (intervals, points n, n + 2 + parameters)
     field: Array  # (intervals, points, n): h f, which slopes inside are where they are solved for
     decay: Array  # (intervals,): by e to so much it shrinks volumes
-    turned: Array  # (intervals,): by so many radians, squared, it turns perturbations, summed
+    rates: Array  # (intervals, n, n): of perturbations, mean values times the length
     inverse: Any = None  # (intervals, points n, points n), of the equations for these
 
     def beside(
@@ -454,11 +454,11 @@ def derivatives(
     # (1 - h A f_x) dk = d(h f), what holds along any change of start, time, length, parameter
     inverse = None if once else _inverse(scheme, jacobian)
     inside = _solved(_equations(scheme, jacobian), right) if inverse is None else inverse @ right
-    decay = -jacobian.trace(0, 2, 3) @ scheme.weights
-    turned = -np.einsum("jcab,jcba->jc", jacobian, jacobian) @ scheme.weights  # -l^2 of each rate l
+    rates = np.einsum("jcab,c->jab", jacobian, scheme.weights)
+    decay = -rates.trace(0, 1, 2)
     ends, width = scheme.weights @ inside.reshape(count, points, -1), right.shape[-1]
     ends[:, : n * (width + 1) : width + 1] += 1.0  # of the state in itself
-    return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, turned, inverse)
+    return Slopes(ends.reshape(count, n, width), inside, f * lengths, decay, rates, inverse)
 
 
 def _inverse(scheme: Collocation, jacobian: Array) -> Array:

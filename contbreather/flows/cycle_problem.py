@@ -30,7 +30,7 @@ from .conservation import drift, indices_of, refuse_drift
 from .cycle_beyond import beyond_contact, in_other_order
 from .equations import FlowEquations, equations_of
 from .flow import refuse_false_period
-from .functions import Params
+from .functions import Params, quiet
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle, paces
 from .rounds import begun_later, once, twice
@@ -71,8 +71,9 @@ class Cycle(HtmlRepr):
     times : ndarray
         When its flows begin, and when the last one ends.
     errors : dict
-        By how much the "period" is off, relative, and the "multipliers", those above 1 relative: to
-        first order, against twice as many points in each interval, at these parameters.
+        By how much the "period" is off, relative, and the "multipliers", those above 1 relative:
+        against twice as many points in each interval, to first order in the orbit, at these
+        parameters; infinite where these have none, as at a fold.
     max, min : dict
         The largest and the smallest value of each state, or of all of an array of them, as long
         as `period` is.
@@ -237,9 +238,13 @@ class Cycle(HtmlRepr):
         growth of the Gauss method follows about as many, and a slow orbit has long intervals."""
         if isinstance(self.equations, SparseFlowEquations):
             return False
-        pieces = self.equations.linearised(self.x, self.params).linear
-        most = max([np.maximum.reduce(piece.slopes.turned) for piece in pieces])
-        return bool(most > 2 * self.flights[0].scheme.points ** 2)  # of a pair both count
+        points, pieces = (
+            self.flights[0].scheme.points,
+            self.equations.linearised(self.x, self.params),
+        )
+        # each by itself: many that turn slowly do not turn fast together
+        rates = [np.linalg.eigvals(piece.slopes.rates) for piece in pieces.linear]
+        return any(bool((-(each**2).real > points**2).any()) for each in rates)
 
     @cached_property
     def doubled(self) -> FlowEquations:
@@ -253,15 +258,21 @@ class Cycle(HtmlRepr):
     @cached_property
     @one_thread
     def errors(self) -> dict[str, float]:
-        finer = replace(self, equations=self.doubled)
-        apart = abs(self.multipliers[:, None] - finer.multipliers).min(axis=1, initial=math.inf)
-        worst = (apart / np.maximum(abs(self.multipliers), 1.0)).max(initial=0.0)
-        late, left = math.inf, self.doubled(self.x, self.params)
+        errors = dict.fromkeys(("period", "multipliers"), math.inf)
+        left = self.doubled(self.x, self.params)
         with suppress(Undefined):  # at a fold no parameter has an orbit of its own
             off = solved(self.equations.derivatives(self.x, self.params), left, "")
             lengths = self.equations.layout.lengths
-            late = abs(off[lengths].sum() / self.x[lengths].sum())
-        return {"period": float(late), "multipliers": float(worst)}
+            errors["period"] = float(abs(off[lengths].sum() / self.x[lengths].sum()))
+            errors["multipliers"] = self.multipliers_off(self.x - off)
+        return errors
+
+    @quiet
+    def multipliers_off(self, x: Array) -> float:
+        """Compare multipliers with those of an orbit beside, of twice as many points."""
+        finer = replace(self, equations=self.doubled, x=x)
+        apart = abs(self.multipliers[:, None] - finer.multipliers).min(axis=1, initial=math.inf)
+        return float((apart / np.maximum(abs(self.multipliers), 1.0)).max(initial=0.0))
 
     def coarse(self, on: str = "") -> str:
         """Reason why the mesh does not resolve the orbit, or the multiplier of a kind on whose
@@ -502,7 +513,7 @@ class CycleProblem(Problem):
         """Say what is off and leaves no trace in the trivial multiplier: others, of perturbations
         that turn fast beside the orbit; and the period, which is set by what is small beside it and
         grows, as prey that all but dies out."""
-        if orbit.turns_fast and (worst := orbit.errors["multipliers"]) > RESOLVED:
+        if orbit.turns_fast and (worst := orbit.multipliers_off(orbit.x)) > RESOLVED:
             return orbit.too_coarse(f"multipliers are {worst:.1g} off, ")
         # where curves cross a correction may lead along the other one
         if orbit.roughest[0] <= UNRESOLVED or not self.residual.autonomous or point.kind == "BP":

@@ -99,17 +99,42 @@ def test_prey_that_all_but_dies_out_sets_the_period() -> None:
     assert end["period"] == pytest.approx(logarithms.start["period"], rel=1e-7)
 
 
-def test_an_oscillator_that_turns_fast_beside_its_forcing_has_its_multipliers() -> None:
+@pytest.mark.parametrize("decay", [0.0, 100.0])
+def test_an_oscillator_that_turns_fast_beside_its_forcing_has_its_multipliers(decay) -> None:
     """exp((-d/2 + i w) T) in closed form: with nine radians in an interval they were as wrong as
-    can be, and nothing said so."""
+    can be, and nothing said so, nor, later, where another state decays faster than it turns."""
 
     def f(t, x, p):
-        return [x[1], -0.2 * x[1] - p["k"] * x[0] + np.cos(t)]
+        gate = [decay * (np.cos(t) - x[2])] if decay else []
+        return [x[1], -0.2 * x[1] - p["k"] * x[0] + np.cos(t), *gate]
 
-    start = cb.cycle(f, {"x": 0.0, "v": 0.0}, {"k": 900.0}, period=2 * np.pi, settle=100)
+    rest = {"x": 0.0, "v": 0.0} | ({"gate": 0.0} if decay else {})
+    start = cb.cycle(f, rest, {"k": 900.0}, period=2 * np.pi, settle=100)
     end = cb.trace(start, "k", within={"k": (800, 1600)}, towards="up")[-1]
     exact = np.exp(2 * np.pi * (-0.1 + 1j * np.sqrt(1600 - 0.01)))
     assert abs(end.solution.multipliers - exact).min() < 1e-5
+
+
+def test_many_oscillators_that_turn_slowly_do_not_turn_fast_together() -> None:
+    """Where they do errors are asked for at each point, which takes far longer than the point."""
+
+    def f(t, x, p):
+        return [*x[8:], *(np.cos(t) - 25 * x[:8] - 0.1 * x[8:])]
+
+    start = {f"x{i}": 0.0 for i in range(16)}
+    mesh = cb.Collocation(intervals=6, points=12)
+    slow = cb.cycle(f, start, {"p": 0.0}, period=2 * np.pi, settle=100, collocation=mesh)
+    assert not cb.flows.cycle_of(slow).turns_fast
+
+
+def test_errors_of_multipliers_are_those_of_the_orbit_that_is_off_as_well() -> None:
+    start, params = {"x": 2.0, "y": 0.0, "z": 0.1}, {**BAND, "c": 2.3}
+    few, many = (
+        cb.flows.cycle_of(cb.cycle(roessler, start, params, settle=200, collocation=mesh))
+        for mesh in (TEN, cb.Collocation(intervals=100))
+    )
+    off = abs(few.multipliers[:, None] - many.multipliers).min(axis=1)
+    assert few.errors["multipliers"] == pytest.approx(off.max(), rel=0.01)
 
 
 def test_errors_tell_multipliers_that_the_mesh_of_a_slow_orbit_does_not_resolve() -> None:
