@@ -613,7 +613,8 @@ class CycleProblem(Problem):
         if kept:  # an energy that is given is an unknown as well, and lambda pushes along its slope
             scales.setdefault("held", scales.get(kept.held, 1.0))
             lambdas = zip(kept.quantities, kept.lambdas, strict=True)
-            scales |= {name: 1 / scales[of] for of, name in lambdas if of in scales}
+            square = float(np.mean(np.square(size)))
+            scales |= {name: square / scales[of] for of, name in lambdas if of in scales}
         return cls(
             equations, start, dict(params), events=tuple(events), scales=scales, label=label,
             record=cls.recorded(equations, {*params, *start}),

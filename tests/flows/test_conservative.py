@@ -93,6 +93,21 @@ def test_a_family_takes_the_same_steps_whatever_the_unit_of_its_energy(unit: flo
     assert family["period"] == pytest.approx(duffing_period(family["max(u)"]), rel=1e-8)
 
 
+def test_a_family_may_have_small_states_and_an_energy_that_is_their_square() -> None:
+    """As in metres and joules: its lambda, in units of one over the energy, hid all else."""
+    walks = []
+    for a in (1.0, 1e-6):
+        swing = cb.cycle(
+            lambda t, x, p, a=a: [x[1], -x[0] - p["b"] * x[0] * (x[0] / a) ** 2],
+            {"u": a, "v": 0.0}, {"b": 1.0}, scales={"u": a, "v": a, "energy": a**2},
+            conserves=lambda x, p, a=a: a**2 * of_duffing(x / a, p),
+        )  # fmt: skip
+        walks.append(cb.trace(swing, "energy", within={"energy": (0.01 * a**2, 5 * a**2)}))
+    plain, family = walks
+    assert abs(len(family) - len(plain)) <= 2
+    assert family[-1]["period"] == pytest.approx(plain[-1]["period"], rel=1e-10)
+
+
 def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> None:
     """T = 4 K(sin^2(A / 2)), E = 1 - cos A."""
     swing = cb.cycle(
