@@ -81,13 +81,16 @@ def examine_swing(least: float, point: Point) -> Examined:
     derivative = slopes(orbit.equations.flows[0].f, 0.0, center, place.params)[1]
     along = derivative[:, : turn.size, 0] @ turn
     turned = 2j * math.pi / orbit.period * turn
-    return "" if np.linalg.norm(along - turned) <= least * np.linalg.norm(turned) else NOTHING
+    square = np.vdot(turned, turned).real
+    small = np.linalg.norm(along - turned) <= least * math.sqrt(square)
+    # it grows, along folds, by the fourth power of its size
+    return "" if small and abs(np.vdot(turned, along).imag) <= FLAT * square else NOTHING
 
 
 def _examine_generalised(point: Point) -> Examined:
     """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
     of A dp/dA."""
-    # off by the square of its size, in units of its smallest state: what is large, by itself
+    # its pace is off by the square of its size, in units of its smallest state
     if reason := examine_swing(math.sqrt(FLAT), point):
         return reason
     curve, equations = point.base_point.curve, equations_of(point.base_point)

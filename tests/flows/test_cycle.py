@@ -804,6 +804,22 @@ def test_folds_end_at_a_generalised_hopf_point_where_small_orbits_turn_at_their_
     assert not line.doubtful
 
 
+def test_folds_beside_an_equilibrium_far_from_the_origin_do_not_end_while_they_are_large() -> None:
+    """At m = b = 0; at m = -8e-3 it was, as orbits of size 0.3 are small beside 100."""
+
+    def far(t, x, p):
+        u, v = x[0] - 100, x[1]
+        square = u**2 + v**2
+        grows = p["m"] + p["b"] * square - square**2
+        return [grows * u - v, grows * v + u]
+
+    rest = cb.equilibrium(far, {"u": 100.0, "v": 0.0}, {"m": -0.5, "b": 1.0})
+    hopf = cb.trace(rest, "m", within={"m": (-1, 1)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"m": (-1, 0.2)})
+    line = cb.boundary(cycles.first("LP"), ("m", "b"), within={"b": (-0.5, 1.5), "m": (-2, 2)})
+    assert abs(line["m"]).min() < 1e-6
+
+
 def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
     """Morris and Lecar's neuron: with the phase by the trapezoidal rule it ended as MX before."""
 
