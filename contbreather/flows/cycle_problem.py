@@ -73,7 +73,7 @@ class Cycle(HtmlRepr):
     errors : dict
         By how much the "period" is off, relative, and the "multipliers", those above 1 relative:
         against twice as many points in each interval, to first order in the orbit, at these
-        parameters; infinite where these have none, as at a fold.
+        parameters; infinite where these have none, as at a fold, or twice as many points no start.
     max, min : dict
         The largest and the smallest value of each state, or of all of an array of them, as long
         as `period` is.
@@ -259,8 +259,8 @@ class Cycle(HtmlRepr):
     @one_thread
     def errors(self) -> dict[str, float]:
         errors = dict.fromkeys(("period", "multipliers"), math.inf)
-        left = self.doubled(self.x, self.params)
         with suppress(Undefined):  # at a fold no parameter has an orbit of its own
+            left = self.doubled(self.x, self.params)
             off = solved(self.equations.derivatives(self.x, self.params), left, "")
             lengths = self.equations.layout.lengths
             errors["period"] = float(abs(off[lengths].sum() / self.x[lengths].sum()))

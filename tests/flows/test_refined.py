@@ -137,6 +137,17 @@ def test_errors_of_multipliers_are_those_of_the_orbit_that_is_off_as_well() -> N
     assert few.errors["multipliers"] == pytest.approx(off.max(), rel=0.01)
 
 
+def test_errors_are_infinite_where_twice_as_many_points_pass_a_pole() -> None:
+    """Of the Oregonator, at x = -q: its orbit comes to 1e-4 of that, relative to its size."""
+
+    def f(t, x, p):
+        rate = x[0] * (1 - x[0]) - p["f"] * x[1] * (x[0] - 0.002) / (x[0] + 0.002)
+        return [rate / 0.01, x[0] - x[1]]
+
+    ring = cb.cycle(f, {"x": 0.5, "z": 0.1}, {"f": 1.0}, settle=40)
+    assert cb.flows.cycle_of(ring).errors == {"period": math.inf, "multipliers": math.inf}
+
+
 def test_errors_tell_multipliers_that_the_mesh_of_a_slow_orbit_does_not_resolve() -> None:
     """(A, 0, -A) of three coupled nonlinear Schroedinger equations turns at A^2, modes across it at
     a frequency near 1: multipliers are 0.3 % off with 20 intervals, all others are rounding."""
