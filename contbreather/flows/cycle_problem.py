@@ -238,13 +238,13 @@ class Cycle(HtmlRepr):
         growth of the Gauss method follows about as many, and a slow orbit has long intervals."""
         if isinstance(self.equations, SparseFlowEquations):
             return False
-        points, pieces = (
-            self.flights[0].scheme.points,
-            self.equations.linearised(self.x, self.params),
-        )
-        # each by itself: many that turn slowly do not turn fast together
-        rates = [np.linalg.eigvals(piece.slopes.rates) for piece in pieces.linear]
-        return any(bool((-(each**2).real > points**2).any()) for each in rates)
+        points = self.flights[0].scheme.points
+        for piece in self.equations.linearised(self.x, self.params).linear:
+            # each by itself: many that turn slowly do not turn fast together
+            rates = np.linalg.eigvals(piece.slopes.rates)
+            if np.minimum.reduce((rates**2).real, axis=None) < -(points**2):
+                return True
+        return False
 
     @cached_property
     def doubled(self) -> FlowEquations:
