@@ -238,11 +238,12 @@ class Cycle(HtmlRepr):
         growth of the Gauss method follows about as many, and a slow orbit has long intervals."""
         if isinstance(self.equations, SparseFlowEquations):
             return False
-        points = self.flights[0].scheme.points
+        most = self.flights[0].scheme.points ** 2
         for piece in self.equations.linearised(self.x, self.params).linear:
+            rates = piece.slopes.rates
+            large = rates[np.einsum("jab,jab->j", rates, rates) > most]  # no eigenvalue is larger
             # each by itself: many that turn slowly do not turn fast together
-            rates = np.linalg.eigvals(piece.slopes.rates)
-            if np.minimum.reduce((rates**2).real, axis=None) < -(points**2):
+            if large.size and (np.linalg.eigvals(large) ** 2).real.min() < -most:
                 return True
         return False
 

@@ -63,7 +63,7 @@ def test_short_steps_take_fewer(field, ring) -> None:
         field,
         lambda: cb.trace(ring, "r", within={"r": (276.0, 281.0)}, towards="down", steps=short),
     )
-    assert functions < 490
+    assert functions < 475
     assert asked < 4.1
 
 
