@@ -87,9 +87,13 @@ def _examine_turn(found: Examined, point: Point) -> Examined:
 def signatures(orbit: Cycle) -> tuple[Array, Array]:
     """List the indices that are on the unit circle, and the Krein signatures of their pairs: +1 or
     -1, 0 where they are not known."""
-    indices = orbit.indices
+    return _signed(orbit.indices, *orbit.index_form)
+
+
+def _signed(
+    indices: NDArray[np.complex128], matrix: Array, form: Array | None
+) -> tuple[Array, Array]:
     on = indices.real[(indices.imag == 0) & (abs(indices.real) < 1)]
-    matrix, form = orbit.index_form
     if form is None:
         return on, np.zeros(on.size)
     from scipy.optimize import linear_sum_assignment
@@ -105,16 +109,16 @@ def signatures(orbit: Cycle) -> tuple[Array, Array]:
     return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 
 
-def _meeting(point: Point) -> tuple[float, float]:
+def _nearest_two(point: Point) -> tuple[float, float]:
     """Square of the distance of the nearest two indices that may leave the real axis together, less
-    than zero where an odd number of twos has left it; and the angle at which these pairs are."""
-    orbit = point.base_point.solution
-    on, signs = signatures(orbit) if orbit.indices.size > 1 else (np.empty(0), np.empty(0))
+    than zero where an odd number of twos has left it; and what is halfway between them."""
+    indices, matrix, form, _ = point.base_point.solution.passing
+    on, signs = _signed(indices, matrix, form) if indices.size > 1 else (np.empty(0), np.empty(0))
     i, j = np.triu_indices(on.size, 1)
-    may, left = signs[i] * signs[j] <= 0, orbit.indices[orbit.indices.imag > 0]
+    may, left = signs[i] * signs[j] <= 0, indices[indices.imag > 0]
     if may.any():  # eigenvectors of pairs that a symmetry keeps apart are orthogonal all along
-        values, vectors = np.linalg.eig(orbit.index_form[0])
-        each = len(values) // (orbit.indices.size + 1)  # how often it has each index
+        values, vectors = np.linalg.eig(matrix)
+        each = len(values) // (indices.size + 1)  # how often it has each index
         of = vectors[:, abs(values[:, None] - on).argsort(axis=0)[:each]]
         overlaps = abs(np.einsum("kai,kbj->abij", of.conj(), of)).max(axis=(0, 1))
         may &= overlaps[i, j] > _MET
@@ -122,8 +126,14 @@ def _meeting(point: Point) -> tuple[float, float]:
     if not squares.size:
         return math.nan, math.nan
     middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
-    angle = math.acos(max(-1.0, min(middles[k], 1.0)))
-    return float((-1) ** left.size * squares[k]), angle
+    return float((-1) ** left.size * squares[k]), max(-1.0, min(middles[k], 1.0))
+
+
+def _meeting(point: Point) -> tuple[float, float]:
+    """That square, and the angle at which multipliers of the whole orbit are."""
+    square, middle = _nearest_two(point)
+    parts = point.base_point.solution.passing[-1]
+    return square, abs(math.remainder(parts * math.acos(middle), 2 * math.pi))
 
 
 def _in_order(point: Point) -> Array:
@@ -132,30 +142,33 @@ def _in_order(point: Point) -> Array:
     however close together the two events are. From the first on, which may leave at -1, none is
     taken. Without signatures how many have left the axis."""
     orbit = point.base_point.solution
-    (on, signs), indices = signatures(orbit), orbit.indices
+    indices, *about, _ = orbit.passing
+    on, signs = _signed(indices, *about)
     each = np.zeros(indices.size)
     each[np.isin(indices, on)] = signs
     sums = each[(-indices.real).argsort(kind="stable")].cumsum()[:-1]
-    if orbit.index_form[1] is None:
+    if about[1] is None:
         sums[-1:] = orbit.quadruplets
     return sums
 
 
 def _apart(point: Point) -> float:
-    return _meeting(point)[0]
+    return _nearest_two(point)[0]
 
 
 def _examine_collision(point: Point) -> Examined:
-    square, angle = _meeting(point)
-    if not abs(square) < NEAR or angle in (0.0, math.pi):
+    square, middle = _nearest_two(point)
+    if not abs(square) < NEAR or abs(middle) == 1.0:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
-    values, vectors = np.linalg.eig(point.base_point.solution.index_form[0])
-    each, met = _nearest(point, values, math.cos(angle))
+    values, vectors = np.linalg.eig(point.base_point.solution.passing[1])
+    each, met = _nearest(point, values, middle)
     # where pairs collide their vectors are one; of those that pass each other by, but for what is
     # less than rounding, they stay apart
     if np.linalg.svd(vectors[:, met], compute_uv=False)[each] > 0.5:
         return NOTHING
-    return unresolved(point) or {"angle": angle, "signatures": _met(point, math.cos(angle))}
+    return unresolved(point) or {
+        "angle": _meeting(point)[1], "signatures": _met(point, middle)
+    }  # fmt: skip
 
 
 def _nearest(point: Point, values: NDArray[Any], middle: float) -> tuple[int, NDArray[np.intp]]:
@@ -166,7 +179,7 @@ def _nearest(point: Point, values: NDArray[Any], middle: float) -> tuple[int, ND
 
 def _met(point: Point, middle: float) -> str:
     """The Krein signatures of two pairs that meet, on the space of both."""
-    matrix, form = point.base_point.solution.index_form
+    _, matrix, form, _ = point.base_point.solution.passing
     if form is None:
         return "unknown: the field is no constant matrix times the gradient of what is conserved"
     values = np.linalg.eigvals(matrix)

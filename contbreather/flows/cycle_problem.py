@@ -209,6 +209,12 @@ class Cycle(HtmlRepr):
         return indices_of(self.others)
 
     @property
+    def passing(self) -> tuple[NDArray[np.complex128], Array, Array | None, int]:
+        """Indices of all that may collide, with their matrix and form: where an orbit is made of
+        images of a part, those of one; and how many parts it has."""
+        return self.indices, *self.index_form, 1
+
+    @property
     def quadruplets(self) -> int:
         """Count the pairs of pairs of multipliers that have left the unit circle together."""
         return int((self.indices.imag > 0).sum())

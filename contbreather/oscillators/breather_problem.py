@@ -342,6 +342,19 @@ class ReversibleBreather(Breather):
         form = -A.T @ C
         return np.eye(len(form)) + 2 * B.T @ C, (form + form.T) / 2
 
+    @cached_property
+    @one_thread
+    def passing(self) -> tuple[NDArray[np.complex128], Array, Array | None, int]:
+        # where its second half is the first with all signs turned, D^T is A, and -A has the indices
+        # q of a half, of which the whole has 2 q^2 - 1: there -q and q pass each other as if alone
+        (A, _), (C, D) = self.half_map
+        first, last = self.forces
+        off = abs(A - D.T).max() / abs(A).max(), abs(first + last).max() / abs(first).max()
+        if not max(off) < NEAR:
+            return super().passing
+        across = np.linalg.qr(first[:, None], mode="complete")[0][:, 1:]
+        return on_axis(np.linalg.eigvals(-across.T @ A @ across)), -A, (C + C.T) / 2, 2
+
 
 # --- events -------------------------------------------------------------------------------------
 

@@ -181,6 +181,32 @@ def test_pairs_that_a_symmetry_keeps_apart_hide_no_collision() -> None:
         assert ((abs(abs(mu) - 1) > 1e-3) & (abs(mu.imag) > 1e-3)).sum() == off
 
 
+def test_pairs_of_half_of_an_even_breather_pass_minus_one_and_each_other_at_no_cost() -> None:
+    """Where its second half is the first with all signs turned, q of a half is 2 q^2 - 1 of the
+    whole: no KC, as many quadruplets by an integrated half at either end, and few calls of V."""
+    asked = list[int]()
+
+    def V(u, p):
+        asked.append(1)
+        return 1 - np.cos(u)
+
+    chain = cb.Oscillators(V=V, W="c*r**2/2", lattice=cb.Ring(5))
+    start = cb.breather(chain, {2: 1}, omega=0.71, params={"c": 0.03})
+    asked.clear()
+    branch = cb.trace(start, "omega", within={"omega": (0.65, 0.71)}, towards="down")
+    assert len(asked) < 3500
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert not branch.doubtful
+    one = np.eye(5)
+    K, pull = 2 * one - np.roll(one, 1, 0) - np.roll(one, -1, 0), lambda u: (np.sin(u), np.cos(u))
+    for end in (branch[0], branch[-1]):
+        u = end.solution.state()[0]
+        A = half_map(pull, K, 0.03, u, np.pi / end["omega"])[1]["uu"]
+        q = np.sort(np.linalg.eigvals(-A))[:-1]  # but the trivial one
+        assert q.dtype == float
+        assert abs(np.sort(2 * q**2 - 1) - np.sort(end.solution.indices)).max() < 1e-7
+
+
 def test_the_energy_turns_next_to_a_fold() -> None:
     """Within one step of a walk in the coupling: where it turns, so it does in the frequency."""
     chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=cb.Ring(3))
