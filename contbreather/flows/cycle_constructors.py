@@ -24,7 +24,7 @@ from .conservation import Conservation, Quantities, Unfolded, quantities_of, ref
 from .cycle_events import arrivals, events_of_cycle, shares, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of
 from .equations import FlowEquations
-from .flow import Filippov, Flow, period_at, refuse_false_period, value_over
+from .flow import Clock, Filippov, Flow, period_at, refuse_false_period, value_over
 from .functions import Function, Params, values
 from .initial_motion import Motion, refuse_rest, sampled_orbit, simulated_orbit
 from .integrate import flows_of
@@ -498,7 +498,8 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
 
 def _unforced(equations: FlowEquations) -> str:
     where = "; where nothing depends on the time its period is unknown: leave period= out"
-    return "" if equations.autonomous else where
+    clocked = any(isinstance(flow.until, Clock) for flow in equations.flows)
+    return "" if equations.autonomous or clocked else where
 
 
 def _refuse_passed(orbit: Cycle) -> None:

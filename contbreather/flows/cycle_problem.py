@@ -621,7 +621,7 @@ class CycleProblem(Problem):
             scales.setdefault("held", scales.get(kept.held, 1.0))
             lambdas = zip(kept.quantities, kept.lambdas, strict=True)
             square = float(np.mean(np.square(size)))
-            scales |= {name: square / scales[of] for of, name in lambdas if of in scales}
+            scales |= {name: square / scales[of] if of in scales else 1.0 for of, name in lambdas}
         return cls(
             equations, start, dict(params), events=tuple(events), scales=scales, label=label,
             record=cls.recorded(equations, {*params, *start}),

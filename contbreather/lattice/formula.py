@@ -111,8 +111,8 @@ def read_formula(text: str) -> Formula:
     except (SyntaxError, ValueError) as error:
         reason = error.msg if isinstance(error, SyntaxError) else str(error)
         raise BadInput(
-            f"{brief(text)} is not a formula: {reason.partition(';')[0]}; write it as Python, for "
-            "instance '-cos(t) - 2.7*cos(3*t)'."
+            f"{brief(text)} is not a formula: {reason.partition(';')[0]}; write it as Python, with "
+            "* for products and ** for powers."
         ) from None
     except (RecursionError, MemoryError):
         raise _too_large(text) from None

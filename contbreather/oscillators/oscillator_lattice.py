@@ -115,8 +115,8 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], list[Callable[
     formula = sympy.sympify(text, locals=symbols)
     names = sorted(str(symbol) for symbol in formula.free_symbols if str(symbol) != variable)
     if "t" in names or (names and variable not in (*letters, "t", "_")):
-        on = "t" if "t" in names else ", ".join(names)
-        raise BadInput(f"{brief(text)} depends on {on}: a function of {variable} was expected.")
+        how = "depends on t" if "t" in names else f"has no {variable} in it"
+        raise BadInput(f"{brief(text)} {how}: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
     modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
     # as it stands: what SymPy makes simpler divides by what may be 0, as forces of contact

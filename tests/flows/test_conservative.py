@@ -108,6 +108,11 @@ def test_a_family_may_have_small_states_and_an_energy_that_is_their_square() -> 
     assert family[-1]["period"] == pytest.approx(plain[-1]["period"], rel=1e-10)
 
 
+def test_a_family_that_cannot_be_walked_in_its_unit_is_given_no_advice_that_is_refused() -> None:
+    branch = cb.trace(backbone(conserves=lambda x, p: 1e-12 * of_duffing(x, p)), "energy")
+    assert "lambda" not in branch.reason
+
+
 def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> None:
     """T = 4 K(sin^2(A / 2)), E = 1 - cos A."""
     swing = cb.cycle(

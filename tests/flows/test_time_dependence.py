@@ -157,3 +157,10 @@ def never_met(**more) -> cb.Problem:
 def test_what_depends_on_the_time_as_it_must_not_is_refused(make, sentence) -> None:
     with pytest.raises((BadInput, NotConverged), match=sentence):
         make()
+
+
+def test_of_flows_with_a_clock_it_is_not_said_to_leave_their_period_out() -> None:
+    flows = [cb.Flow(lambda t, x, p: [x[1], -x[0]], at=at) for at in (0.5, 0.0)]
+    with pytest.raises(NotConverged, match="as a multiplier is 1") as refusal:
+        cb.cycle(flows, {"u": 1.0, "v": 0.0}, {}, period=2 * np.pi)
+    assert "leave period= out" not in str(refusal.value)

@@ -339,8 +339,10 @@ def test_half_of_a_period_is_in_no_table_of_breathers() -> None:
 @pytest.mark.parametrize(
     ("given", "says"),
     [
-        ({"V": "x**2/2"}, "depends on x: a function of u was expected"),
-        ({"W": "c*u**2/2"}, "depends on c, u: a function of r was expected"),
+        ({"V": "x**2/2"}, "has no u in it: a function of u was expected"),
+        ({"V": "u*cos(t)"}, "depends on t: a function of u was expected"),
+        ({"V": "u**2/"}, "not a formula: invalid syntax; write it as Python, with . for products"),
+        ({"W": "c*u**2/2"}, "has no r in it: a function of r was expected"),
         ({"V": [HARD] * 4}, "V = .*one formula for all of 5 sites"),
         ({"W": lambda r: r**2 / 2}, r"called with r and the dict .*lambda r, p: \.\.\.; too many"),
     ],
