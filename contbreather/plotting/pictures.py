@@ -180,9 +180,10 @@ def _place(point: Point, *, ax: Axes | None = None) -> Drawn:
             axes.plot(point[free], point[name], "o")
             axes.set_xlabel(symbol(free))
             if point.tangent is not None:
-                slots = point.curve.slots
-                beside = [point[n] + point.tangent[slots[n]] for n in (free, name)]
-                axes.axline((point[free], point[name]), beside, linewidth=0.8)
+                place = np.array([point[free], point[name]])
+                way = point.tangent[[point.curve.slots[n] for n in (free, name)]]
+                # as far to either side, so that the point is in the middle
+                axes.axline(place - way, place + way, linewidth=0.8)
         axes.set_ylabel(symbol(name))
     return drawn
 

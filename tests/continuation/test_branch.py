@@ -32,6 +32,10 @@ def test_columns_are_parameters_records_arclength_and_unknowns(branch: cb.Branch
     assert branch.names == ("mu", "h", "slope", "arclength", "residual", "x")
     for name in branch.names:
         assert branch[name].shape == (len(branch),)
+    assert all(name in branch for name in branch.names)
+    assert "y" not in branch
+    assert branch[3] in branch
+    assert branch[3] not in branch[:2]
     assert (branch["mu"] == 1.0).all()
     assert np.allclose(branch["slope"], 1 - 3 * branch["x"] ** 2, atol=1e-12)
     assert branch["arclength"][0] == 0.0

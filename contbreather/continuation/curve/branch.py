@@ -196,7 +196,7 @@ class Branch(Columns, HtmlRepr):
     """Points along a curve, in order, with the special ones among them.
 
     ``branch["a"]`` is a column (an unknown, a parameter, a recorded number, or ``"arclength"``; of
-    an array u also its Euclidean norm, ``"norm(u)"``),
+    an array u also its Euclidean norm, ``"norm(u)"``), ``"a" in branch`` whether there is one,
     ``branch[17]`` a `Point`, ``branch[2:5]`` the branch of these points, ``branch.special`` the
     labelled points, ``branch.first("PF")`` one of them. ``stop`` says why it ended where it does,
     ``began`` why where it starts (None where the walk set out); ``reason`` and ``began_reason`` add
@@ -223,6 +223,11 @@ class Branch(Columns, HtmlRepr):
 
     def __iter__(self) -> Iterator[Point]:
         return iter(self.points)
+
+    def __contains__(self, key: object) -> bool:
+        if isinstance(key, str):  # no point is one
+            return key in self.names or self.problem.normed(key) is not None
+        return key in self.points
 
     @property
     def curve(self) -> Curve:
