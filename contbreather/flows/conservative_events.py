@@ -130,10 +130,10 @@ def _nearest_two(point: Point) -> tuple[float, float]:
 
 
 def _meeting(point: Point) -> tuple[float, float]:
-    """That square, and the angle at which multipliers of the whole orbit are."""
+    """That square, and the angle at which multipliers of the whole orbit are; where those of half
+    of it pass i it passes pi, at which curves of collisions go on."""
     square, middle = _nearest_two(point)
-    parts = point.base_point.solution.passing[-1]
-    return square, abs(math.remainder(parts * math.acos(middle), 2 * math.pi))
+    return square, point.base_point.solution.passing[-1] * math.acos(middle)
 
 
 def _in_order(point: Point) -> Array:

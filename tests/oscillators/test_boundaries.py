@@ -207,6 +207,21 @@ def test_pairs_of_half_of_an_even_breather_pass_minus_one_and_each_other_at_no_c
         assert abs(np.sort(2 * q**2 - 1) - np.sort(end.solution.indices)).max() < 1e-7
 
 
+def test_a_curve_of_collisions_goes_on_where_those_of_half_of_an_even_breather_pass_i() -> None:
+    """By an integrated half, whose indices are two the same, on both sides of -1 of the whole."""
+    chain = cb.Oscillators(V="1-cos(u)", W="c*r**2/2", lattice=cb.OpenChain(5))
+    start = cb.breather(chain, {1: 1, 3: -1}, omega=0.65, params={"c": 0.12})
+    branch = cb.trace(start, "c", within={"c": (0.12, 0.17)}, towards="up")
+    window = {"omega": (0.61, 0.66), "c": (0.1, 0.2)}
+    line = cb.boundary(branch.first("KC"), ("c", "omega"), within=window)
+    assert min(line["angle"]) < 3.1 < 3.2 < max(line["angle"])
+    K, pull = stiffness(cb.OpenChain(5)), lambda u: (np.sin(u), np.cos(u))
+    for end in (line[0], line[-1]):
+        u = end.base_point.solution.state()[0]
+        A = half_map(pull, K, end["c"], u, np.pi / end["omega"])[1]["uu"]
+        assert np.sort(abs(np.linalg.eigvals(-A) - np.cos(end["angle"] / 2)))[1] < 1e-4
+
+
 def test_the_energy_turns_next_to_a_fold() -> None:
     """Within one step of a walk in the coupling: where it turns, so it does in the frequency."""
     chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=cb.Ring(3))
