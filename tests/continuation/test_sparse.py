@@ -346,3 +346,17 @@ def test_there_are_no_pairs_where_other_units_make_the_derivative_symmetric() ->
     curve = Curve(bratu(laplacian), ("lam",))
     near = eigenvalues(curve, curve.start)
     assert (near.reach, near.values.size) == (np.inf, 0)
+
+
+@pytest.mark.parametrize("n", [20, 130])
+def test_a_derivative_that_is_not_finite_is_the_edge_of_the_domain_of_many_unknowns_too(n) -> None:
+    def jacobian(x, p):
+        edge = p["mu"] > 0.5
+        return np.where(edge, np.nan, 1.0) * np.diag(2 * x)
+
+    problem = cb.Problem(
+        lambda x, p: x**2 - 1 - p["mu"], {"x": np.ones(n)}, {"mu": 0.0}, jacobian=jacobian
+    )
+    branch = cb.trace(problem, "mu", within={"mu": (0.0, 1.0)}, events=[cb.fold()])
+    assert "not finite" in branch.reason
+    assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-3)

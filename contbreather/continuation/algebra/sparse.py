@@ -226,7 +226,7 @@ class Factors:
     exact: bool
 
     def __init__(self, matrix: Matrix) -> None:
-        self.matrix = matrix
+        self.matrix = checked_finite(matrix)
         # A = (L, R), L square, with conditions C below: x = (L^-1 b, 0) solves A x = b, the null
         # vectors are N = (-L^-1 R, 1), x + N (C N)^-1 (c - C x) meets C x = c, and
         # det [A; C] = det L det(C N)
