@@ -255,7 +255,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def doubled(self) -> FlowEquations:
-        """Its equations with twice as many points in each interval."""
+        """Put twice as many points into each interval of its equations."""
         if isinstance(self.equations, SparseFlowEquations):
             raise BadInput("errors are estimated for up to 40 states: compare with more intervals")
         flights = self.equations.flights(self.x, self.params)
