@@ -130,8 +130,8 @@ def _nearest_two(point: Point) -> tuple[float, float]:
 
 
 def _meeting(point: Point) -> tuple[float, float]:
-    """That square, and the angle at which multipliers of the whole orbit are; where those of half
-    of it pass i it passes pi, at which curves of collisions go on."""
+    """Find that square, and the angle at which multipliers of the whole orbit are; where those of
+    half of it pass i it passes pi, at which curves of collisions go on."""
     square, middle = _nearest_two(point)
     return square, point.base_point.solution.passing[-1] * math.acos(middle)
 
