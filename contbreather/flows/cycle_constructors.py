@@ -21,6 +21,7 @@ from ..errors import BadInput, NotConverged
 from ..one_thread import one_thread
 from .collocation import Collocation, TrajectorySegment, fitted, flown, sizes_of
 from .conservation import Conservation, Quantities, Unfolded, quantities_of, refuse_drift
+from .cycle_beyond import SHORTEST
 from .cycle_events import arrivals, events_of_cycle, shares, touches
 from .cycle_problem import UNRESOLVED, Cycle, CycleProblem, cycle_of
 from .equations import FlowEquations
@@ -37,7 +38,6 @@ _SOLVED = 1e-10  # to this the equations are solved, and a multiplier that has t
 _ALMOST = 1e-6  # the same where Newton's iteration went astray beside a family
 _MOST_INTERVALS = 2000  # a mesh that has more is not made finer
 _FINER = 32  # so many intervals for each say where those of a mesh are to be
-_NO_TIME = 1e-6  # of the period of the start: what is less is no orbit
 
 
 @one_thread
@@ -469,7 +469,7 @@ def _is_coarse(equations: FlowEquations) -> bool:
 
 def _lasts_no_time(orbit: Cycle) -> bool:
     """Test whether every state returns, for it has no time to leave."""
-    return orbit.period <= _NO_TIME * sum(flight.duration for flight in orbit.equations.start)
+    return orbit.period <= SHORTEST * sum(flight.duration for flight in orbit.equations.start)
 
 
 def _refuse_family(problem: Problem, near: float, error: Exception | None = None) -> None:
