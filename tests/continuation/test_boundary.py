@@ -54,6 +54,7 @@ def test_a_boundary_has_the_columns_of_problem_locus_and_parameters(planar: cb.B
     assert line.names == ("b1", "b2", "unstable", "arclength", "residual", "x", "y", "omega2")
     assert [name for name in line.columns() if name != "label"] == [*line.names]
     assert line.free == "b2"
+    assert line[3].params == {"b1": line["b1"][3], "b2": line["b2"][3]}
     assert "HB boundary in (b2, b1)" in repr(line)
 
 

@@ -43,6 +43,8 @@ def test_columns_are_parameters_records_arclength_and_unknowns(branch: cb.Branch
         BadInput, match=r"no column 'y'; this branch has \['mu', 'h', 'slope', 'arclength'"
     ):
         branch["y"]
+    with pytest.raises(BadInput, match=r"no column 'LP1'; .*; the point is branch.first\('LP1'\)$"):
+        branch["LP1"]
 
 
 def test_points_are_taken_by_number_and_in_order(branch: cb.Branch) -> None:

@@ -98,6 +98,20 @@ def test_how_a_function_is_called_and_differentiated_is_logged(f, way, caplog):
     assert way in caplog.text
 
 
+def test_a_matrix_whose_rows_sum_to_zero_takes_many_states_where_all_are_equal() -> None:
+    """As it differentiates: its product is rounding there, which depends on the order of sums."""
+    matrix, shapes = RNG.normal(size=(30, 30)), []
+    matrix -= np.diag(matrix.sum(axis=1))
+
+    def transport(t: Any, x: Any, p: Any) -> Any:
+        shapes.append(x.shape)
+        return matrix @ x
+
+    for _ in range(2):
+        values(transport, 0.0, np.ones((30, 7)), {})
+    assert shapes[-2:] == [(30, 7)] * 2
+
+
 def test_a_sum_over_all_states_is_not_taken_for_one_of_each() -> None:
     found = values(lambda t, x, p: [np.sum(x), np.max(x), x[0]], 0.0, X, {})
     np.testing.assert_allclose(found, [X.sum(axis=0), X.max(axis=0), X[0]], rtol=1e-14)

@@ -309,7 +309,9 @@ class Branch(Columns, HtmlRepr):
         array = problem.normed(name)
         if array is not None:
             return np.asarray(np.linalg.norm(self[array], axis=1))
-        has = [name for name in self.names if name not in problem.internals]
+        has = f"{[name for name in self.names if name not in problem.internals]}"
+        if any(name in (point.kind, point.label) for point in self.special):
+            has += f"; the point is branch.first({name!r})"
         raise BadInput(f"no column {name!r}; this branch has {has}")
 
     def columns(self) -> dict[str, NDArray[Any]]:

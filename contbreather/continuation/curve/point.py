@@ -142,8 +142,9 @@ class Point(HtmlRepr):
 
     @property
     def params(self) -> dict[str, float]:
-        """Parameters by name."""
-        return self.curve.params(self.z)
+        """Parameters by name, on a boundary also that which is among its unknowns."""
+        freed = {name: self[name] for name in self.curve.varied}
+        return {**self.curve.params(self.z), **freed}
 
     @property
     def values(self) -> dict[str, Any]:
@@ -162,7 +163,7 @@ class Point(HtmlRepr):
         if beneath is None:
             return self
         if self._base is None:  # once: all events ask for it in turn
-            curve, z = beneath(self.x, self.params, self.curve.free)
+            curve, z = beneath(self.x, self.curve.params(self.z), self.curve.free)
             object.__setattr__(self, "_base", replace(self, curve=curve, z=z, tangent=None))
         assert self._base is not None
         return self._base
