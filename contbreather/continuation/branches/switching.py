@@ -311,6 +311,8 @@ def seeds_at(point: Point) -> tuple[Seed, ...]:
     elif point.event is None:
         what = "where a branch ends" if point.kind else "not a special point"
         why = f" is {what}; switch at a BP, PF, PD, GR or VI of a branch"
+        if point.base_point is not point:
+            why += f", as of cb.trace(point.base_point, {point.curve.free[0]!r}), through it"
     elif not branches_leave(point):
         reason = look_of(point.kind).nothing_leaves
         more = f"; {reason}" if reason else ""
