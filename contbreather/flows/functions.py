@@ -43,7 +43,10 @@ def check_function(
         has = ", ".join(map(repr, p)) or "none"
         raise BadInput(f"{name} asks for the parameter {error}; params has {has}") from error
     except (ValueError, ArithmeticError, TypeError, IndexError) as error:
-        raise BadInput(f"{name} raises {type(error).__name__}: {error}, {where}") from error
+        why = f"{name} raises {type(error).__name__}: {error}"
+        if isinstance(error, TypeError | IndexError) and shape == x.shape:
+            why += f"; it gets the time, all states in one array ({x.size},) and a dict p"
+        raise BadInput(f"{why}, {where}") from error
     if params != p or not np.array_equal(state, x):
         raise BadInput(f"{name} writes to its x or p {where}; it must leave them as they are")
     if returned.dtype.kind not in "biuf":  # complex numbers, objects as SymPy's
