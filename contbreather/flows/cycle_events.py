@@ -106,27 +106,6 @@ _SHRUNK = Event("HB", _shrunk, examine=partial(examine_swing, _AT_REST), ends="b
 _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, ends="branch")
 
 
-# --- where the orbit of the start holds none any more -------------------------------------------
-
-
-def _hold(point: Point) -> float:
-    equations = equations_of(point)
-    return equations.hold(point.x, point.params) if equations.endless else math.nan
-
-
-def _examine_hold(point: Point) -> Examined:
-    if not examine_swing(_AT_REST, point):  # there the orbits are those of half a turn later
-        return NOTHING
-    return {
-        "said": "the orbit has nothing in common any more with the one its phase is measured by, "
-        "that of the start, and would turn back: a cycle of this one goes on, "
-        "cycle(f, (t, orbit.states(t)), params)"
-    }
-
-
-_LOST = Event("MX", _hold, examine=_examine_hold, ends="branch")
-
-
 # --- where a multiplier is 1 --------------------------------------------------------------------
 
 
@@ -609,7 +588,7 @@ def events_of_cycle(equations: FlowEquations) -> tuple[Event, ...]:
     of_pairs = conservative_events(BRANCH_POINT) if equations.conservation else ()
     events = [*(of_pairs or (lp, BRANCH_POINT, pd, ns))]
     if equations.autonomous:  # beyond its conditions an orbit that meets them may shrink, too
-        events += [_SHRUNK, HOMOCLINIC, _LOST]
+        events += [_SHRUNK, HOMOCLINIC]
     if any(flow.guards for flow in flows):  # beyond a wall others follow, which have all of these
         met = chain(flows, *(wall for flow in flows for wall in flow.walls if not callable(wall)))
         slides = any(map(system_of, met))

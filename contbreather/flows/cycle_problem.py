@@ -40,6 +40,7 @@ UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
 UNRESOLVED = 5e-3
 RESOLVED = 1e-4  # so far off 1 the trivial multiplier may be of a resolved orbit
+_HOLDS = 0.1  # the cosine in which the first orbit measures a phase: next to 0 it slides
 CRITICAL = frozenset(("LP", "BP", "PD", "NS"))  # kinds of a multiplier on the unit circle
 ONE = 0.1  # closer to it a multiplier may be 1: at a fold by 1e-5 where a parameter turns by 1e-13
 
@@ -495,6 +496,15 @@ class CycleProblem(Problem):
             ways = finer.tangent_at(z, guess)[:1]
         tangent = max(ways, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
+
+    def renewed(self, point: Point, ahead: Point) -> Problem | None:  # type: ignore[override]
+        """Measure the phase by an orbit where the first has hardly anything in common with the
+        next."""
+        equations = self.residual
+        measured = not (equations.autonomous and equations.endless)
+        if measured or equations.hold(ahead.x, ahead.params) > _HOLDS:
+            return None
+        return replace(point.problem, residual=replace(equations, start=point.solution.flights))
 
     def halved(self) -> CycleProblem:
         """Halve the intervals of its start, with a phase that is measured as it was."""

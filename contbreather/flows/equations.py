@@ -470,9 +470,7 @@ class FlowEquations:
             return self._over(i, x, p)
         if i:  # only doubling makes several: each round takes as long as the first
             return float(x[self.layout.lengths[i]] - x[self.layout.lengths[0]])
-        # integral of (x - x_start) . x_start' over the orbit
-        states = slice(self._phase.size)
-        return float(self._phase @ (x[states] - self._begin.x[states]))
+        return self.out_of_phase(x)
 
     def _over(self, i: int | None, x: Array, p: Params) -> float:
         """Measure by how much durations exceed their periods."""
@@ -540,6 +538,11 @@ class FlowEquations:
             self.velocities(x, p)
         slide = np.concatenate([(f.velocities * f.steps[:, None]).ravel() for f in flights])
         return float(self._phase @ slide / math.sqrt(slide @ slide))
+
+    def out_of_phase(self, x: Array) -> float:
+        """Integrate (x - x_start) . x_start' over an orbit: what its phase is measured by."""
+        states = slice(self._phase.size)
+        return float(self._phase @ (x[states] - self._begin.x[states]))
 
     # --- derivatives ------------------------------------------------------------------------------
 

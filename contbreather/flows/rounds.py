@@ -54,8 +54,11 @@ def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
 
 def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
     """Return the unknowns of the same orbit from each later period of its forcing on, as far as
-    a mesh that begins elsewhere knows it; of several flows, from where the same ones follow."""
+    a mesh that begins elsewhere knows it; of several flows, from where the same ones follow; of one
+    without forcing from where it is in phase with the first orbit, if it is not."""
     flows, written = equations.flows, []
+    if equations.smooth and equations.autonomous:
+        return () if moves(flows[0]) else _in_phase(equations, x)
     if equations.smooth:
         later = [] if moves(flows[0]) else range(1, equations.turns)
     else:
@@ -76,6 +79,24 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
             pieces = [replace(piece.adapted(equations.sizes[0]), start=flight.start)]
         written.append(np.concatenate([*map(np.ravel, equations.unknowns(pieces).values())]))
     return tuple(written)
+
+
+def _in_phase(equations: FlowEquations, x: Array) -> tuple[Array, ...]:
+    """Begin with the interval from which on the orbit has most in common with the first one."""
+    nodes, knots = equations.layout.nodes[0], equations.layout.knots[0][:-1]
+    count, reset, written = len(nodes), equations.flows[0].reset, list[Array]()
+    back = reset.turns if isinstance(reset, TurnedBack) else 0.0
+    laps = np.vstack([x[nodes], x[nodes] + back])
+    steps = np.tile(np.diff(x[knots], prepend=0.0, append=1.0), 2)
+    for k in range(count + 1):
+        later = x.copy()
+        later[nodes], later[knots] = laps[k : k + count], np.cumsum(steps[k : k + count - 1])
+        written.append(later)
+    off = np.array([*map(equations.out_of_phase, written)])
+    off[abs(off) <= 1e-9 * abs(off).max()] = 0.0
+    # in phase this rises through zero, and half a turn later it falls
+    k = int(np.where((off[:-1] <= 0) & (off[1:] > 0), np.diff(off), 0.0).argmax())
+    return () if k == 0 and off[0] == 0 else (written[k],)
 
 
 def _follow(equations: FlowEquations, i: int) -> bool:

@@ -872,9 +872,9 @@ def test_folds_of_cycles_about_the_origin_end_at_its_generalised_hopf_point() ->
     assert abs(line[0]["b"]) + abs(line[0]["m"]) < 1e-4
 
 
-def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> None:
+def test_a_branch_goes_on_where_its_first_orbit_measures_no_phase_any_more() -> None:
     """Two states follow a circle as 10 cos(mu) times it: no bifurcation at all, but beyond pi/2
-    velocities are against those of the start, and the branch would turn back."""
+    velocities are against those of the start."""
 
     def led(t, x, p):
         u, v, a, b = x
@@ -884,17 +884,54 @@ def test_a_branch_ends_where_its_first_orbit_measures_no_phase_any_more() -> Non
     start, window = {"u": 1.0, "v": 0.0, "a": 10.0, "b": 0.0}, {"mu": (0.0, 3.0)}
     orbit = cb.cycle(led, start, {"mu": 0.1}, settle=20)
     branch = cb.trace(orbit, "mu", within=window, towards="up")
-    end = branch[-1]
-    assert [at.kind for at in branch.special] == ["EP", "MX"]
-    # near where the product of what follows, 100 cos(mu) cos(0.1), is less than that of the circle
-    assert math.pi / 2 < end["mu"] < math.pi / 2 + 0.02
-    assert "nothing in common" in branch.reason
-    times = np.linspace(0.0, end["period"], 201)
-    anew = cb.cycle(led, (times, end.solution.states(times)), end.params)
-    on = cb.trace(anew, "mu", within=window, towards="up")
-    assert on[-1]["mu"] == 3.0
-    assert [at.kind for at in on.special] == ["EP", "EP"]
-    assert on["mu"] == pytest.approx(np.sort(on["mu"]))
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
+    assert branch["mu"] == pytest.approx(np.sort(branch["mu"]))
+    assert branch[-1]["mu"] == 3.0
+    assert abs(branch[-1].solution.max["a"] + 10 * np.cos(3.0) * 5 / math.sqrt(26)) < 1e-9
+
+
+def test_folds_go_on_where_their_first_orbit_measures_no_phase_any_more() -> None:
+    """At m = -1/4, whatever q is: r' = r (m + r^2 - r^4), and two states that follow."""
+
+    def led(t, x, p):
+        u, v, a, b = x
+        growth, turn = p["m"] + u**2 + v**2 - (u**2 + v**2) ** 2, 3 * np.cos(p["q"])
+        return [u * growth - v, v * growth + u, 5 * (turn * u - a), 5 * (turn * v - b)]
+
+    start = {"u": 1.0, "v": 0.0, "a": 3.0, "b": 0.0}
+    orbit = cb.cycle(led, start, {"m": -0.1, "q": 0.1}, settle=60)
+    fold = cb.trace(orbit, "m", within={"m": (-1, 0.5)}).first("LP")
+    line = cb.boundary(fold, ("q", "m"), within={"q": (0, 3)})
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+    assert line["q"].max() == 3.0
+    assert abs(line["m"] + 0.25).max() < 1e-12
+    assert not line.doubtful
+
+
+def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase(tmp_path) -> None:
+    """(a, b) = e^it (cos s, sin s) at p = sin 2s: half a round in s turns the orbit by half its
+    period, and on the way it has nothing in common with that at which the branch began."""
+
+    def led(t, x, p):
+        a, b = x[:2], x[2:]
+        across, along = a[0] * a[0] + a[1] * a[1] - b[0] * b[0] - b[1] * b[1], 2 * (a * b).sum(0)
+        out = 1 - (x * x).sum(0)
+        aside = 2 * (a[1] * b[0] - a[0] * b[1])  # 0 on all of them
+        c, d, s = aside * across, aside * along, p["p"] - along
+        turn = [out * a[0] - a[1] - s * b[0] - c * b[1] + d * a[1]]
+        turn += [out * a[1] + a[0] - s * b[1] + c * b[0] - d * a[0]]
+        turn += [out * b[0] - b[1] + s * a[0] - c * a[1] - d * b[1]]
+        return [*turn, out * b[1] + b[0] + s * a[1] + c * a[0] + d * b[0]]
+
+    start = cb.cycle(led, {"a": [0.9, 0.0], "b": [0.3, 0.0]}, {"p": 0.5}, settle=100)
+    window = {"p": (-2, 2)}
+    branch = cb.trace(start, "p", within=window)
+    assert branch.stop is cb.continuation.Stop.CLOSED
+    assert [(at.kind, round(at["p"], 9)) for at in branch.special] == [("LP", -1.0), ("LP", 1.0)]
+    half = cb.trace(start, "p", within=window, steps=cb.Steps(most=50), towards="up")
+    cb.save(tmp_path / "half.nc", half)
+    rest = cb.extend(cb.load(tmp_path / "half.nc", problem=start), end="last", steps=cb.Steps())
+    assert rest.stop is cb.continuation.Stop.CLOSED
 
 
 @pytest.mark.parametrize(("order", "a"), [(1, 0.3), (2, 3.0)])

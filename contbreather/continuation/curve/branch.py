@@ -69,7 +69,8 @@ class Points(Sequence[Point]):
     def joined(pieces: Iterable[Iterable[Point]]) -> Points:
         parts, marked, start = [*map(Points.of, pieces)], dict[int, Point](), 0
         for part in parts:
-            for i, point in part.made.items():
+            same = part.curve is parts[0].curve
+            for i, point in part.made.items() if same else enumerate(part):
                 marked[start + i] = point
             start += len(part)
         columns = zip(*map(_ROW, parts), strict=True)

@@ -168,6 +168,19 @@ class Point(HtmlRepr):
         assert self._base is not None
         return self._base
 
+    def renewed(self, ahead: Point) -> Point | None:
+        """Put this point on the curve of a problem that is set up anew here for the next one; None
+        where that goes on as it is."""
+        renew = self.curve.problem.renewed
+        if renew is None or (problem := renew(self, ahead)) is None:
+            return None
+        curve = Curve(problem, self.curve.free)
+        curve.asked = self.curve.asked
+        way = (
+            self.tangent if self.tangent is None else curve.tangent_at(curve.start, self.tangent)[0]
+        )
+        return replace(self, curve=curve, z=curve.start, tangent=way)
+
     @property
     def solution(self) -> Any:
         """Meaning of this point to the user of its problem, an `Orbit` for instance."""

@@ -54,6 +54,9 @@ class Structure:
     multipliers: ClassVar[Any] = None
     # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
     perturbed: ClassVar[Any] = None
+    # ``(point, ahead) -> problem or None``: the same in the same unknowns, set up anew at a point,
+    # where its own start says too little of the next one
+    renewed: ClassVar[Callable[[Any, Any], Any] | None] = None
     # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
     # by a defining system, as on a boundary, and the point on it
     beneath: ClassVar[Callable[..., tuple[Any, Array]] | None] = None

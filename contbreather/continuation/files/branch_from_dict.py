@@ -244,6 +244,10 @@ class _Stored:
                 detail=_detail_from_dict(detail) if detail else {},
             )
             points.made[i] = replace(point, event=_event_at(point, events))
+        if curve.problem.renewed:
+            for i, point in enumerate(points):
+                if renewed := point.renewed(point):
+                    points.made[i] = renewed
         return replace(points)
 
 

@@ -378,7 +378,11 @@ class ContinuationIterator:
                     # correct   [ t^T W ] dz = [  0   ],       [ t^T W ] t' = [ 1 ]
                     # adapt     s, so that the tangent turns by 0.15, in 4 iterations
                     if piece is None:
-                        piece = self.stepper.next(self.point, self.count).tested(self.events)
+                        piece = self.stepper.next(self.point, self.count)
+                        if renewed := self.point.renewed(piece.points[0]):
+                            self._goes_on(renewed)
+                            piece = self.stepper.next(self.point, self.count)
+                        piece = piece.tested(self.events)
                     # test      at the end of each: a change of sign, or what may hide two of them
                     plain, quiet = self._without_candidates(piece)
                     line = passed = piece.points[: plain or 1]
@@ -408,6 +412,15 @@ class ContinuationIterator:
                 reason = f"no curve leaves the start in this direction: {reason}"
             yield Points.of([self.point])
         self.end = End(stop, reason, tuple(self.doubtful))
+
+    def _goes_on(self, point: Point) -> None:
+        """Walk on from a point of a problem that was set up anew."""
+        self.point, self.curve, before = point, point.curve, self.stepper
+        sign = self.curve.tangent_at(point.z, point.direction)[1]
+        way = replace(self.way, point=point, sign=sign)
+        self.stepper = Stepper(way, self.steps, before.home)
+        self.stepper.size, self.stepper.crossed = before.size, before.crossed
+        self.places, self.tests = self.places[-1:], self.tests[:, -1:]
 
     # --- test ---
 
