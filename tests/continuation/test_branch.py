@@ -145,9 +145,9 @@ def test_many_branches_are_asked_for_as_one_is() -> None:
             cb.trace_many(wrong, "mu")
 
 
-def test_both_ends_in_trouble_are_said() -> None:
+def test_both_ends_are_said_where_a_curve_may_go_on() -> None:
     whole = trace_case(LINE)
-    for stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE):
+    for stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE, Stop.MOST, Stop.INFINITY):
         one = replace(whole, stop=stop, began=stop, began_reason="f at t = 0 raised")
         assert f"; the other way: {stop.value}: f at t = 0 raised" in one.describe()
 

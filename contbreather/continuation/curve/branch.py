@@ -435,7 +435,7 @@ class Branch(Columns, HtmlRepr):
         last = self.points[-1].label if self.stop is Stop.EVENT else ""
         said = self.reason and f": {self.reason}"
         end = f"ended at {last}" if last else f"{self.stop.value}{said}"
-        if self.began is not None and self.began.failed:
+        if self.began in (Stop.NO_CONVERGENCE, Stop.DOMAIN, Stop.INFINITY, Stop.MOST):
             said = self.began_reason and f": {self.began_reason}"
             end += f"; the other way: {self.began.value}{said}"
         moved = f"the start was moved by {d:.2g}" if (d := self.start_correction) else ""
