@@ -70,7 +70,8 @@ class Columns:
         from xarray import Dataset
 
         table = {name: (self.along, column) for name, column in _flat(self.tabulated()).items()}
-        return Dataset(table).to_dataframe()[list(table)]
+        frame = Dataset(table).to_dataframe().reset_index()  # a column may be named as the rows
+        return frame[list(table)].rename_axis(self.along)
 
     def to_csv(self, path: str | Path) -> Path:
         """Write the table as comma-separated text, each number in the fewest digits that read back

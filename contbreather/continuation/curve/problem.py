@@ -306,7 +306,7 @@ class Problem(Structure):
         """The start values as one array."""
         return np.hstack([*self.start.values()], dtype=float, casting="unsafe")
 
-    def at(self, **values: Any) -> Problem:
+    def at(self, /, **values: Any) -> Problem:
         """Move the start, or the parameters, to other values."""
         self.check_names(values)
         for name in self.start.keys() & values.keys():
