@@ -183,7 +183,9 @@ def test_branch_in_the_restitution_finds_a_start_by_itself(run) -> None:
 def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
     line = "branch --free c --a 0.3 --gamma 0.12 --k 0.7"
     formula = "--forcing '-cos(t) - c*cos(3*t)' --window 0 2.7 --json"
-    columns = strict(run(f"{line} {formula}")[1])["columns"]
+    content = strict(run(f"{line} {formula}")[1])
+    columns = content["columns"]
+    assert content["forcing"] == "F = a (-cos(t) - c * cos(3 * t))"  # one value of c says nothing
     assert columns["c"][-1] == 2.7
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 

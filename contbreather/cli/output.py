@@ -192,13 +192,28 @@ def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
     }
 
 
+def _drive(forcing: cb.lattice.Forcing, varied: Iterable[str]) -> str:
+    """The forcing in words, with its numbers but for those that vary."""
+    numbers = {name: f", {name} = {value:.6g}" for name, value in forcing.params.items()}
+    said = forcing.describe()
+    formula = said.removesuffix("".join(numbers.values()))
+    fixed = (words for name, words in numbers.items() if name not in varied)
+    return said if formula == said else "".join([formula, *fixed])
+
+
 def model_entry(
-    threshold: float, *, forcing: cb.lattice.Forcing, lattice: Any, site: int, walls: Any
+    threshold: float,
+    *,
+    forcing: cb.lattice.Forcing,
+    lattice: Any,
+    site: int,
+    walls: Any,
+    varied: Iterable[str] = (),
 ) -> dict[str, Any]:
     """Lattice and drive of a breather for JSON; of the infinite chain the forcing alone."""
     from contbreather.lattice.conditions import Walls
 
-    about: dict[str, Any] = {"forcing": forcing.describe()}
+    about: dict[str, Any] = {"forcing": _drive(forcing, varied)}
     if lattice.sites is not None:
         about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
         every = Walls.given(walls)
@@ -217,8 +232,9 @@ def lives_on(branch: cb.Branch) -> dict[str, Any]:
     (site, _), *_ = problem.section.impacts
     on = problem.conditions
     return model_entry(
-        problem.threshold, forcing=on.forcing, lattice=on.lattice, site=site, walls=on.walls
-    )
+        problem.threshold, forcing=on.forcing, lattice=on.lattice, site=site, walls=on.walls,
+        varied=branch.curve.varied,
+    )  # fmt: skip
 
 
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:
@@ -258,8 +274,7 @@ def _drive_and_walls(branch: cb.Branch) -> str:
     if not isinstance(problem, OrbitProblem):
         return ""
     drive, walls = problem.conditions.forcing, as_typed(problem.conditions.walls)
-    numbers = "".join(f", {name} = {value:.6g}" for name, value in drive.params.items())
-    formula = drive.describe().removesuffix(numbers)  # which the title has
+    formula = _drive(drive, drive.params)  # its title has the numbers, too
     return ", ".join([formula] * (drive != cb.Harmonic()) + [f"walls {walls}"] * bool(walls))
 
 

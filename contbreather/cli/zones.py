@@ -194,7 +194,7 @@ def atlas(
     begin = tuple(f"{name}={values[0]!r}" for name, values in further.items())
     plane = replace(plane, set=(*plane.set, *begin))
     options = {**plane.options(fixed), "executor": workers, **fixed}
-    entry = model_entry(plane.verge(options["lattice"]), **plane.on())
+    entry = model_entry(plane.verge(options["lattice"]), **plane.on(), varied=further)
     for name in further:
         if name in options:
             raise BadInput(f"--over {name}: this name is taken; rename it in the formula")
