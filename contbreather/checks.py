@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from inspect import signature
 from itertools import product
 from numbers import Complex, Real
 from typing import Any, TypeGuard
@@ -102,6 +104,18 @@ def numbers(name: str, value: object) -> NDArray[np.float64]:
             name, value = f"{name}{at}", float(array[tuple(at)])
         raise BadInput(f"{name} = {brief(value)}: finite real numbers were expected.")
     return array
+
+
+def check_call(what: str, function: Any, variable: str) -> None:
+    """Refuse a function that cannot be called with a variable and parameters."""
+    try:
+        with suppress(ValueError):  # of a function in C nobody knows
+            signature(function).bind(0.0, {})
+    except TypeError as error:
+        raise BadInput(
+            f"{what} is called with {variable} and the dict of parameters, as "
+            f"lambda {variable}, p: ...; {error}"
+        ) from error
 
 
 def check_double(what: str, array: NDArray[Any]) -> None:

@@ -10,17 +10,15 @@ to the higher one. Ends that are fixed have bonds to the ground.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from inspect import signature
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ..checks import brief, numbers, real
+from ..checks import brief, check_call, numbers, real
 from ..continuation.algebra.derivatives import IMAGINARY
 from ..continuation.algebra.sparse import Pattern
 from ..errors import BadInput
@@ -67,14 +65,7 @@ class SmoothFunction:
             object.__setattr__(self, "given", read_formula(str(self.given)).text)
             _compiled(self.given, self.variable)
             return
-        try:
-            with suppress(ValueError):  # of a function in C nobody knows
-                signature(self.given).bind(0.0, {})
-        except TypeError as error:
-            raise BadInput(
-                f"{self} is called with {self.variable} and the dict of parameters, as "
-                f"lambda {self.variable}, p: ...; {error}"
-            ) from error
+        check_call(str(self), self.given, self.variable)
 
     @property
     def names(self) -> tuple[str, ...]:

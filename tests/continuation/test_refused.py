@@ -319,6 +319,18 @@ def test_a_misspelt_parameter_is_a_sentence_with_the_parameters_there_are(where:
         cb.trace(problem, "mu", within={"mu": (0.5, 2.0)})
 
 
+@pytest.mark.parametrize("made", [cb.Problem, cb.FixedPoint])
+@pytest.mark.parametrize("function", [lambda x: x, lambda t, x, p: x, lambda x, *, mu: x - mu])
+def test_a_function_of_other_arguments_is_told_which_it_gets(made: Any, function: Any) -> None:
+    with pytest.raises(BadInput, match="is called with x and the dict of parameters, as lambda x"):
+        cb.trace(made(function, {"x": 1.0}, {"mu": 1.0}), "mu")
+
+
+def test_an_error_of_type_in_the_equations_is_their_own() -> None:
+    with pytest.raises(TypeError, match="unsupported operand"):
+        cb.trace(cb.Problem(lambda x, mu: mu - x**2, {"x": 1.0}, {"mu": 1.0}), "mu")
+
+
 @pytest.mark.parametrize(
     ("residual", "more"),
     [

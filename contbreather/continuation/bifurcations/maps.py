@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...checks import check_double, whole
+from ...checks import check_call, check_double, whole
 from ...errors import BadInput
 from ...tables import HtmlRepr, Sheet
 from ..algebra.newton import Array
@@ -96,6 +96,7 @@ def FixedPoint(
     period = whole("period", period, 1)
     if not callable(map_) or not (jacobian is None or callable(jacobian)):
         raise BadInput(f"a map, and its jacobian, are functions; got {map_!r} and {jacobian!r}")
+    check_call("the map", map_, "x")
     if not (record is None or isinstance(record, Mapping)):
         raise BadInput(f"record must be a dict of names and functions, got {record!r}")
     iterate = Iterate(map_, period, jacobian)

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from ...checks import check_call
 from ...errors import BadInput
 from ..algebra import derivatives
 from ..algebra.linear_algebra import least_singular, sense
@@ -188,6 +189,9 @@ class Curve:
                     f"the equations ask for a parameter {error.args[0]!r}; this problem has "
                     f"{list(params)}"
                 ) from error
+            raise
+        except TypeError:
+            check_call("the residual", self.problem.residual, "x")
             raise
 
     def solved_near(
