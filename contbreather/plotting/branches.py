@@ -70,7 +70,8 @@ def plot_branches(
 ) -> Drawn:
     if not branches:
         raise BadInput(
-            "plot needs at least one branch; those of trace_many come once, a list keeps them"
+            "plot needs at least one branch; those of trace_many come once, a list keeps them, and "
+            "cb.load reads those in a file"
         )
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
