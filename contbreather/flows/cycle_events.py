@@ -446,7 +446,29 @@ def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:
     after = state if reset is None else values(reset, before.last, state, p)
     off = abs(values(until, before.last, after, p)[0, 0])
     error = abs(values(ended, before.last, state, p)[0, 0]) if ended else 0.0
-    return bool(off > 1e-9 * size + 10 * error)  # of its size, or by more than the end before
+    if off > 1e-9 * size + 10 * error:  # of its size, or by more than the end before
+        return True
+    return ended is not None and _by_chance(orbit, i, until, ended)
+
+
+def _by_chance(orbit: Cycle, i: int, until: Function, ended: Function) -> bool:
+    """Tell whether a flow that begins on its own condition does so at this orbit alone, as a relay
+    at no hysteresis: not wherever the flow before ends, at other parameters, too, as after an
+    impact, nor while that lasts, as after rest."""
+    before, flow, p = orbit.flights[i - 1], orbit.equations.flows[i - 1], orbit.params
+    x, m = before.end[:, None], before.dimension
+
+    def gradient(function: Function, x: Array) -> Array:  # in state, time, parameters
+        return np.asarray(slopes(function, before.last, x, p, tuple(p))[1][..., 0])
+
+    own, other = gradient(until, orbit.flights[i].states[0][:, None])[0], gradient(ended, x)[0]
+    if flow.reset is not None:
+        n = orbit.flights[i].dimension
+        own = own[:n] @ gradient(flow.reset, x) + np.append(np.zeros(m), own[n:])
+    rate = own[: m + 1] @ np.append(values(flow.f, before.last, x, p)[:, 0], 1.0)
+    across = own - other * (own @ other) / (other @ other)
+    least = 1e-6 * np.linalg.norm(own)
+    return bool(np.linalg.norm(across) > least and abs(rate) > least)
 
 
 def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool, around: bool) -> list[int]:

@@ -108,17 +108,39 @@ def test_a_fold_is_where_it_is_whatever_the_unit_of_time(unit: float) -> None:
 @pytest.mark.parametrize("half", [False, True])
 def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool) -> None:
     def field(push: int) -> Any:
-        return lambda t, x, p: [x[1], x[2], -x[0] - 2 * x[1] - 3 * x[2] - push]
+        return lambda t, x, p: [x[1], x[2], -x[0] - p["c"] * x[1] - 3 * x[2] - push]
 
     flows = [cb.Flow(field(1), until=lambda t, x, p: x[0] + p["h"]),
              cb.Flow(field(-1), until=lambda t, x, p: p["h"] - x[0])]  # fmt: skip
     if half:
         flows = [cb.Flow(field(1), flows[0].until, reset=lambda t, x, p: [-x[0], -x[1], -x[2]])]
-    orbit = cb.cycle(flows, {"x": 1.0, "y": 0.0, "z": 0.0}, {"h": 0.1}, settle=50)
+    orbit = cb.cycle(flows, {"x": 1.0, "y": 0.0, "z": 0.0}, {"h": 0.1, "c": 2.0}, settle=50)
     branch = cb.trace(orbit, "h", within={"h": (-0.05, 0.2)}, towards="down")
     assert [at.kind for at in branch.special] == ["EP", "GR"]
     assert not branch.doubtful
     assert branch[-1]["h"] == pytest.approx(0.0, abs=1e-10)
+    line = cb.boundary(branch.first("GR"), ("c", "h"), within={"c": (1, 3), "h": (-1, 1)})
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+    np.testing.assert_allclose(line["h"], 0.0, atol=1e-10)
+
+
+def test_a_ball_whose_flight_is_cut_at_its_top_grazes_where_that_is_on_the_table() -> None:
+    rises = cb.Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[1])
+    falls = cb.Flow(
+        lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[0] - p["A"] * np.sin(t),
+        reset=lambda t, x, p: [x[0], -p["e"] * x[1] + (1 + p["e"]) * p["A"] * np.cos(t)],
+    )  # fmt: skip
+    ball = cb.cycle([rises, falls], {"y": 0.46, "v": 3.1}, {"A": 0.6, "e": 0.8}, period=TAU,
+                    t0=0.9, settle=40)  # fmt: skip
+    grazing = cb.trace(ball, "A", within={"A": (0.2, 3)}).first("GR")
+    down, top = grazing["flow"], grazing.solution.times[grazing["flow"]]
+    assert grazing.solution.equations.flows[down].reset
+    assert grazing["said"] == f"flow {down} touches until at t = {top:.6g}"
+    line = cb.boundary(grazing, ("e", "A"), within={"e": (0.1, 1)})
+    assert [at.kind for at in line.special] == ["EP", "EP"]
+    # it rises by pi^2/2 from A sin(phi) to -A sin(phi), and A cos(phi) = pi (1 - e)/(1 + e)
+    e = np.asarray(line["e"])
+    np.testing.assert_allclose(line["A"], np.hypot(np.pi * (1 - e) / (1 + e), np.pi**2 / 4))
 
 
 def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
