@@ -64,6 +64,19 @@ def test_a_test_that_is_zero_along_a_piece_of_the_curve_has_no_place(test, large
     assert "zero along a piece of the curve" in point.detail["reason"]
 
 
+def test_a_test_that_goes_through_zero_is_located_where_its_error_is_larger_next_to_it() -> None:
+    branch = trace(
+        LINE.problem.at(x=-0.9, mu=-0.9),
+        "mu",
+        within={"mu": (-1.0, 1.0)},
+        events=[Event("EX", lambda q: 0.0 if abs(q["mu"] - 0.3) < 2e-4 else q["mu"] - 0.3)],
+        steps=Steps(first=0.1, largest=0.1),
+    )
+    (point,) = events_of(branch)
+    assert abs(point["mu"] - 0.3) < 2e-4
+    assert branch.doubtful == ()
+
+
 # --- starts far from a solution ---------------------------------------------------------------
 
 COM = {"q1": 2.5, "q2": 2.0, "q3": 10.0, "q4": 0.0675, "q5": 1.0, "q6": 0.1, "k": 0.4}

@@ -186,7 +186,8 @@ def _isolated(samples: StepSamples, u: float, left: float, right: float) -> Poin
 
     if all(value != 0 for value in beside(aside)):
         return point
-    wider = beside(1e3 * aside)  # a test that goes through is zero where its error is larger, too
+    # a test that goes through is zero where its error is larger, too
+    wider = beside(max(1e3 * aside, BESIDE * (right - left)))
     if len(wider) == 2 and wider[0] * wider[1] < 0:
         return point
     reason = f"the test of {event.kind} is zero along a piece of the curve, which is not a place"
