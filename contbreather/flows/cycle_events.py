@@ -268,11 +268,13 @@ class _Reached:
     place: float | None  # 1 the end of the flow
     rows: slice  # which of both vanish there
     since: float | Callable[[Params], Any] | None = None  # instead, a time after the beginning
+    first: float = 0.0  # the first place at which it may be touched
 
     def system(self, **extra: float) -> DefiningSystem:
-        # where it ends the flow its own condition is touched along VI, too: in between is a cube
+        # where it ends the flow its own condition is touched along VI, too: in between is a cube;
+        # so where that of the flow before begins it
         ends = self.wall == self.equations.flows[self.flow].until
-        domain = 0.0, 1.0 - LEAVES * ends
+        domain = self.first, 1.0 - LEAVES * ends
         inside = {} if _goes_round(self.equations) else dict.fromkeys(extra, domain)
         return DefiningSystem(extra, self.conditions, self.derivative, domain=inside)
 
@@ -355,13 +357,14 @@ class _Reached:
 
 class Touch(NamedTuple):
     """A low place of a wall along its flow: how far off it is, of which flow, when (in its
-    duration, and in time), which of its guards."""
+    duration, and in time), which of its guards, whether the flow begins off that."""
 
     clearance: float
     flow: int
     place: float
     time: float
     guard: str
+    apart: bool
 
 
 def touches(orbit: Cycle) -> Iterator[Touch]:
@@ -409,7 +412,8 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             if not places:
                 continue
             for at, off in zip(places, height(np.array(places)).tolist(), strict=True):
-                yield Touch(off, i, float(at), flight.start + flight.duration * at, name)
+                time = flight.start + flight.duration * at
+                yield Touch(off, i, float(at), time, name, bool(begins))
 
 
 def _height(
@@ -500,7 +504,8 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
             continue
         flow, duration = orbit.equations.flows[touch.flow], orbit.flights[touch.flow].duration
         reached = partial(_Reached, orbit.equations, touch.flow, flow.guards[touch.guard])
-        system = partial(reached(None, slice(2)).system, touch=touch.place)
+        first = 0.0 if touch.apart else LEAVES
+        system = partial(reached(None, slice(2), first=first).system, touch=touch.place)
         waits = flow.ignored(orbit.params)
         if touch.guard == "until" and waits and touch.place == waits / duration:
             system = partial(reached(touch.place, slice(1), since=flow.ignore).system)

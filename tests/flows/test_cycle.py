@@ -481,6 +481,27 @@ def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> 
     assert [last["A"], last["I"]] == pytest.approx([A, 1 + A], abs=2e-4)
 
 
+def test_the_curve_of_a_touch_ends_where_that_comes_to_the_beginning_of_its_flow() -> None:
+    """A mass moored by a line that only pulls: at the inflection it is on the line, x = 0, without
+    velocity and acceleration. Beyond only VI solves the equations of the touch."""
+
+    def field(taut):
+        return lambda t, x, p: [x[1], 0.3 - taut * x[0] - 0.1 * x[1] + p["F"] * np.cos(p["w"] * t)]
+
+    flows = [cb.Flow(field(1.0), until=lambda t, x, p: x[0]),
+             cb.Flow(field(0.0), until=lambda t, x, p: -x[0])]  # fmt: skip
+    moored = cb.cycle(flows, {"x": 1.0, "v": 0.1}, {"F": 0.5, "w": 0.9}, settle=300,
+                      period=lambda p: TAU / p["w"])  # fmt: skip
+    grazing = cb.trace(moored, "F", towards="down", within={"F": (0.4, 1)}).first("GR")
+    line = cb.boundary(grazing, ("w", "F"), within={"w": (0.45, 1)}, towards="down", events=())
+    orbit, end = line[-1].solution, line[-1]
+    i = grazing["flow"]
+    t, (x, v) = orbit.times[i], orbit.flights[i].states[0]
+    assert [x, v, 0.3 + end["F"] * np.cos(end["w"] * t)] == pytest.approx([0, 0, 0], abs=1e-3)
+    paces = [pace for point in line for _, pace in point.solution.paces.values()]
+    assert min(paces) > 1e-9
+
+
 @pytest.mark.parametrize(
     ("name", "limit"),  # y' = a - y from b on for a time of 1
     [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
