@@ -403,9 +403,15 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
             places = [] if slides or leaves else [s[v.argmax()]]
             least = 2 * LEAVES * orbit.period if leaves else short if slides else 0.0
             none = flight.duration < least  # of one that hardly lasts all places are low
+            on = ends and not (begins or slides or leaves)
+            if on:  # zero at both ends: a touch next to the beginning shows where s is divided out
+                s = np.append([LEAVES, 2 * LEAVES], s[s > 2 * LEAVES])
+                v = height(s)
+            height = partial(height, on=on)
             if around:  # what is low where it begins is so where it ends
                 s, v = np.append(s[-2] - 1, s), np.append(v[-2], v)
-            for j in [] if none else _lows(v, s, size, begins and not around, ends, around):
+            lows = _lows(v / s if on else v, s, size, begins and not around, ends, around)
+            for j in [] if none else lows:
                 low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
                 places.append(bottom(partial(height, divided=ends), low, high)[0])
             places = [at % 1.0 if around else at for at in places]
@@ -423,11 +429,13 @@ def _height(
     around: bool,
     s: Array,
     divided: bool = False,
+    on: bool = False,
 ) -> Array:
     """Evaluate a wall along a flight, that goes around where its orbit does; divided by 1 - s where
-    it ends the flow, but there."""
+    it ends the flow, but there, and by s where it begins on it."""
     s = s % 1.0 if around else s
     v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
+    v = v / s if divided and on else v
     return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
 
 

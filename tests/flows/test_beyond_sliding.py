@@ -417,3 +417,39 @@ def test_a_run_that_has_yet_to_settle_by_turns_is_no_orbit_of_other_flows() -> N
         found(settle=200)
     orbit = cycle_of(found(settle=1500))
     assert [belt.flows.index(flow) for flow in orbit.equations.flows] == [1, 3]
+
+
+def test_a_mass_that_turns_slowly_stops_once_more_just_after_its_turn() -> None:
+    """Pushed against friction that falls with the velocity it leaves its turn so slowly that it
+    stops again within 0.4 % of its way back, before it begins to stick."""
+
+    def rubs(way: int) -> Any:
+        def field(t: Any, x: Any, p: Any) -> Any:
+            friction = 0.15 * (1 + np.exp(-3 * way * x[1]))
+            return [x[1], p["F"] * np.cos(p["w"] * t) - x[0] - 0.04 * x[1] - way * friction]
+
+        return field
+
+    block = cb.Filippov(rubs(1), rubs(-1), lambda t, x, p: x[1])
+    moving = cb.cycle(block, {"x": 0.5, "v": 0.0}, {"F": 0.605, "w": 0.7}, settle=200,
+                      period=lambda p: 2 * np.pi / p["w"])  # fmt: skip
+    branch = cb.trace(moving, "w", within={"w": (0.1, 0.7)}, towards="down")
+    assert branch[-1].kind == "GR"
+
+    def off(unknown: Any) -> list[float]:  # half of a symmetric orbit, and a stop in between
+        x, begin, w, stop = unknown
+        p = {"F": 0.605, "w": w}
+        run = solve_ivp(rubs(1), (begin, begin + np.pi / w), [x, 0.0], args=(p,), rtol=1e-12,
+                        atol=1e-13, method="DOP853", dense_output=True)  # fmt: skip
+        there = run.sol(stop)
+        end = run.y[:, -1]
+        return [end[0] + x, end[1], there[1], rubs(1)(stop, there, p)[1]]
+
+    orbit = branch[-1].solution
+    up = [flow.until(0.0, np.array([0.0, 1.0]), orbit.params) > 0 for flow in orbit.equations.flows]
+    i = up.index(True)
+    begin, x = orbit.times[i], orbit.flights[i].states[0, 0]
+    found = fsolve(off, [x, begin, branch[-1]["w"], begin + 0.0036 * np.pi / branch[-1]["w"]],
+                   xtol=1e-13)  # fmt: skip
+    assert max(map(abs, off(found))) < 1e-10
+    assert branch[-1]["w"] == pytest.approx(found[2], abs=1e-8)
