@@ -109,13 +109,15 @@ _GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, e
 # --- where a multiplier is 1 --------------------------------------------------------------------
 
 
-def _without_unit(point: Point) -> str:
-    """Say where no multiplier but the trivial one is 1."""
+def _without_unit(point: Point) -> Examined:
+    """Say where no multiplier but the trivial one is 1; nothing of what a reset forgets."""
     base = point.base_point
     off = base.solution.off_one
     if math.isnan(off):  # at VI: of a fold the state at each start moves, unless a reset forgets it
         null, starts = least_in_unknowns(base.curve, base.z).right, equations_of(base).layout.nodes
         off = math.nan if min(abs(null[of[0]]).max() for of in starts) < 1e-6 else 0.0
+        if math.isnan(off):
+            return NOTHING
     return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 

@@ -203,3 +203,14 @@ def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> Non
     line = cb.boundary(flip, ("ramp", "v"), within={"ramp": (0, 1), "v": (0.1, 0.9)})
     assert line["v"] == pytest.approx(0.5 + line["ramp"], abs=1e-11)
     assert {point.kind for point in line.special} == {"EP"}
+
+
+def test_a_spike_that_is_forgotten_until_the_clock_strikes_has_no_fold_that_is_nan_off() -> None:
+    fires = cb.Flow(lambda t, x, p: [p["I"] - x[0] + p["A"] * np.cos(2 * np.pi * t)],
+                    until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])  # fmt: skip
+    waits = cb.Flow(lambda t, x, p: [0 * x[0]], at=0.5)
+    neuron = cb.cycle([fires, waits], {"x": 0.2}, {"I": 1.9, "A": 0.6}, period=1.0, settle=50)
+    late = cb.trace(neuron, "I", within={"I": (1.1, 2)}, towards="down").first("VI")
+    line = cb.boundary(late, ("A", "I"), within={"A": (0, 2)})
+    assert line.first("VI-GR")["I"] == pytest.approx(1 + line.first("VI-GR")["A"])  # x' = x'' = 0
+    assert not any("nan" in point.detail["reason"] for point in line.doubtful)
