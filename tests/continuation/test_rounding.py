@@ -75,6 +75,17 @@ def test_a_step_that_rounding_leaves_to_the_edge_of_a_window_is_made() -> None:
         assert [branch[0].kind, branch[-1].kind] == ["EP", "EP"]
 
 
+def test_a_step_that_ends_next_to_the_edge_of_a_window_ends_on_it() -> None:
+    """What would be left is so short that rounding, of large terms here, decides where it leads."""
+
+    def rounded(x: Any, p: Any) -> Any:
+        return np.array([x[0] - 0.3 * p["mu"] + 1e-12 * np.sin(1e15 * x[0]), x[1] - x[0] ** 2])
+
+    line = Problem(rounded, {"x": 0.0, "y": 0.0}, {"mu": 0.0})
+    edge = cb.trace(line, "mu", towards="up", steps=cb.Steps(most=3))[2]["mu"] + 1e-11
+    assert cb.trace(line, "mu", towards="up", within={"mu": (0, edge)})[-1].kind == "EP"
+
+
 @pytest.mark.parametrize("edge", [0.0, 1.0])
 def test_a_curve_along_the_edge_of_a_domain_stays_on_it(edge: float) -> None:
     """y = edge all along, but for rounding, which must end nothing and leave nothing outside."""

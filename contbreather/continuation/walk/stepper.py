@@ -245,12 +245,14 @@ class Stepper:
         curve, (second, third), sign, way = self.curve, self.bend, self.sign, point.direction
         # predict: z + s t + s^2 c_2 + s^3 c_3
         predicted = point.z + size * (way + size * (second + size * third))
-        guess, landing = self._within(point.z, predicted, LEVEL * size)
+        # beside a bound: the rest of the way would be too short to tell where it leads
+        short = min(self.steps.tolerance * (1 + far) / (CUBIC_ERROR * size), 1.0)
+        guess, landing = self._within(point.z, predicted, LEVEL * size, short)
         row = curve.metric * way
         # correct
         if landing is None:
             solution = self.correct(guess, row, point.z)
-            z, landing = self._within(point.z, solution.z, EXACT * (1 + far))
+            z, landing = self._within(point.z, solution.z, EXACT * (1 + far), short)
         if landing is not None:
             z, solution = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
@@ -305,18 +307,19 @@ class Stepper:
         return solution
 
     def _within(
-        self, before: Array, after: Array, along: float
+        self, before: Array, after: Array, along: float, short: float
     ) -> tuple[Array, tuple[Bound, float] | None]:
         """The end of a step without what rounding may have put beyond a bound, and the first bound
-        that it crosses, with its value there; one that begins on a bound goes along it, or touches
-        it there, unless it ends farther than `along` behind it."""
+        that it crosses, or would if it were longer by the share `short`, with its value there; one
+        that begins on a bound goes along it, or touches it there, unless it ends farther than
+        `along` behind it."""
         first, nearest = None, math.inf
         for bound in self.bounds:
             start, end = bound.value(before), bound.value(after)
             for side, value, off in bound.ends:
                 on_it, beyond = abs(start - value) <= off, side * (end - value)
-                # a step that ends short of it by rounding ends on it, unless it goes along it
-                if beyond <= (along if on_it else -off):
+                # a step that ends just short of it ends on it, unless it goes along it
+                if beyond <= (along if on_it else -max(off, short * side * (end - start))):
                     after = bound.with_value(after, value) if beyond > 0 else after
                     continue
                 if on_it:
