@@ -177,6 +177,21 @@ def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
     assert "the cubic coefficient vanishes as well" in reason(cusp, flat)
 
 
+def test_parameters_of_a_cusp_are_measured_in_their_scales() -> None:
+    """As fluxes of a catalytic reaction, of 1e-5 beside coverages of order one."""
+    surface = cb.Problem(
+        lambda x, p: 1e6 * (p["h"] + (p["mu"] - 2e-5) * x) - x**3,
+        {"x": 1.0},
+        {"mu": 3e-5, "h": -9e-6},
+        scales={"mu": 1e-5, "h": 1e-5},
+    )
+    within = {"x": (-3, 4), "mu": (1e-5, 4e-5)}
+    fold = cb.trace(surface, "h", within=within, events=[cb.fold()]).first("LP")
+    line = cb.boundary(fold, ("mu", "h"), within=within)
+    assert line.first("CP")["mu"] == pytest.approx(2e-5, abs=1e-12)
+    assert not line.doubtful
+
+
 def test_a_fold_at_which_another_mode_buckles_is_no_cusp() -> None:
     def arch(u, p):  # two modes of a shallow arch: the second buckles on the fold at h^2 = 22
         strain = (u[0] ** 2 - p["h"] ** 2) / 4 + u[1] ** 2

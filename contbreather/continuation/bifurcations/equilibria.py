@@ -207,7 +207,8 @@ def _examine_cusp(point: Point) -> Examined:
     quadratic, cubic = normal_forms.cubic_at_cusp(point)
     # where two folds are mirror images both vanish, and location is good to a few 1e-6 only
     if abs(cubic.value) <= 1e-4 * cubic.size:
-        return f"the cubic coefficient vanishes as well: c = {cubic.value.real:.2g}"
+        c = f"c = {cubic.value.real:.2g}, beside {cubic.size:.2g}"
+        return f"the cubic coefficient vanishes as well: {c}; small parameters need scales"
     if abs(quadratic.value) > 1e-4 * quadratic.size:
         return f"the quadratic coefficient {quadratic.value.real:.2g} is not zero"
     return {"c": cubic.value.real, **branch_points.crossed(base)}

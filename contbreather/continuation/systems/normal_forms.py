@@ -243,8 +243,8 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
 
     At a cusp the first vanishes and the second does not. They are compared, b a^2 and c a^3, with
     each other and with what the parameters do, ``p F_p`` and ``p F_xp q a``, at the amplitude a at
-    which the state moves by its own size: whatever the units of equations and unknowns, and however
-    fine the mesh.
+    which the state moves by its own size, and parameters by theirs or their scales: whatever the
+    units of equations and unknowns, and however fine the mesh.
     """
     forms = Forms(point)
     q, p = forms.eigenvectors(forms.A)
@@ -263,7 +263,7 @@ def cubic_at_cusp(point: Point) -> tuple[Coefficient, Coefficient]:
     left[forms.moved], along[forms.moved] = p / forms.scales, amplitude * q * forms.scales
     changes = forms.curve.jacobian(forms.z)[:, n:], forms.curve.along(forms.z, along)[:, n:]
     by_parameters = sum(abs(left @ change) for change in changes)
-    pushed = float(by_parameters @ np.maximum(1.0, abs(forms.z[n:])))
+    pushed = float(by_parameters @ np.maximum(forms.curve.scales[n:], abs(forms.z[n:])))
     measure = cubic.size * amplitude**3 + size * amplitude**2 + pushed
     sizes = measure / amplitude**2, measure / amplitude**3
     return Coefficient(quadratic, sizes[0]), replace(cubic, size=sizes[1])
