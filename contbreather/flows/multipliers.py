@@ -206,6 +206,9 @@ def of_cycle(
     if isinstance(equations, SparseFlowEquations) and not equations.condensed:
         return equations.leading(x, p)
     factors, directions = around(equations, x, p)
+    if np.ndim(units := equations.units):  # by reflections what is small beside others is lost
+        factors = [stack * (units / units[:, None]) for stack in factors]
+        directions = [ways / units for ways in directions]
     none = np.empty(0)
     if not equations.smooth and any(np.isnan(stack).any() for stack in factors):
         lost = np.full(equations.start[0].dimension - equations.autonomous, np.nan, complex)
@@ -218,6 +221,7 @@ def of_cycle(
         return multipliers(factors), none
     if equations.conservation:
         gradients = equations.conservation.gradients(equations.flights(x, p)[0].states.T, p)
+        gradients = [gradient * units for gradient in gradients]
         left, ones = without_pairs(factors[0], directions[0], gradients)
         return multipliers([left]), ones
     rest, trivial = without_direction(factors, directions)

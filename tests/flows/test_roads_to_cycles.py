@@ -320,6 +320,22 @@ def test_scales_tell_how_small_a_cycle_is_that_shrinks_to_its_hopf_point() -> No
     assert abs(cycles[-1]["m"] - 1) < 1e-8
 
 
+def test_scales_tell_multipliers_of_states_that_are_far_apart() -> None:
+    """Of r^2 = m, the circle of radius r: 1 and exp(-4 pi m)."""
+
+    def f(t, x, p):
+        a, b = x[0], x[1] / 1e9
+        g = p["m"] - a * a - b * b
+        return [g * a - b, 1e9 * (g * b + a)]
+
+    circle = cb.cycle(f, {"u": 1.0, "v": 0.0}, {"m": 1.0}, settle=10, scales={"v": 1e9})
+    branch = cb.trace(circle, "m", within={"m": (1e-3, 1)})
+    orbits = [point.solution for point in branch]
+    assert max(abs(orbit.trivial - 1) for orbit in orbits) < 1e-9
+    off = [orbit.others[0] - np.exp(-4 * np.pi * orbit.params["m"]) for orbit in orbits]
+    assert max(map(abs, off)) < 1e-9
+
+
 def test_scales_that_are_none_are_refused() -> None:
     with pytest.raises(BadInput, match="no state or parameter is called so; there are"):
         rotation(1.2, 0.3, scales={"u": 1.0})
