@@ -245,8 +245,7 @@ class Stepper:
         curve, (second, third), sign, way = self.curve, self.bend, self.sign, point.direction
         # predict: z + s t + s^2 c_2 + s^3 c_3
         predicted = point.z + size * (way + size * (second + size * third))
-        # beside a bound: the rest of the way would be too short to tell where it leads
-        short = min(self.steps.tolerance * (1 + far) / (CUBIC_ERROR * size), 1.0)
+        short = self.steps.smallest / size  # what would be left to a bound is no step
         guess, landing = self._within(point.z, predicted, LEVEL * size, short)
         row = curve.metric * way
         # correct
