@@ -165,4 +165,5 @@ def test_table_of_a_branch_has_labels_and_no_count_that_rounding_decides() -> No
 def test_a_name_may_be_that_of_the_rows_or_of_an_argument() -> None:
     line = cb.Problem(lambda x, p: x - p["self"], {"point": 0.5}, {"self": 0.5}).at(self=0.25)
     frame = cb.trace(line, "self", within={"self": (0, 1)}).to_dataframe()
-    assert frame["point"].equals(frame["self"].rename("point")) and frame.index.name == "point"
+    assert frame["point"].equals(frame["self"].rename("point"))
+    assert frame.index.name == "point"
