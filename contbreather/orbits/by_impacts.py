@@ -34,7 +34,7 @@ from contbreather.orbits.asymmetric_breather import (
     asymmetric_problem,
     pitchfork_of_arms,
 )
-from contbreather.orbits.closure import general_roots
+from contbreather.orbits.closure import fold_amplitudes, general_roots
 from contbreather.orbits.grazing import GrazingSite, in_unknowns
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.orbit_equations import OrbitEquations, equations_on, resonant_modes
@@ -515,16 +515,9 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
     section = Section(((site, 1),), sign=-1).placed(on.lattice)
     (site, _) = section.impacts[0]
     check_possible(section, on)
-    width = on.walls.position(site, 1)  # everything scales with it
-    response = equations_on(on, section, ()).response(on.params)
-    h, slope, *_ = response.interactions(np.zeros(1))[:, 0, 0].tolist()
-    chi, loss = -2.0 * h, restitution_ratio(float(on.at_sites("k", site))) + 2.0 * slope
-    series = response.harmonics(site)
-    moved = any(A or B for _, A, B in series)
-    cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
-    roots = []
-    if moved:
-        roots = general_roots(on.a / width, chi, loss, Fourier.from_response(cos, sin))
+    width, chi, loss, forced = _closure(section, on)
+    moved = forced is not None
+    roots = [] if forced is None else general_roots(on.a / width, chi, loss, forced)
     if not roots:
         weak = "is too weak to bring it to its walls; take a larger a."
         raise NoSolution(
@@ -536,3 +529,21 @@ def symmetric_orbits(site: int, on: Conditions) -> tuple[Orbit, ...]:
         Orbit(ByImpacts.closest(on, section, [phi], [-2.0 * p]))
         for p, phi in sorted(((width * p, phi) for p, phi in roots), reverse=True)
     )
+
+
+def symmetric_folds(breather: Orbit) -> list[float]:
+    """Amplitudes of all folds of symmetric orbits like this one, as `folds` on the chain."""
+    width, chi, loss, forced = _closure(breather.section, breather.conditions)
+    return [] if forced is None else [width * a for a in fold_amplitudes(forced, chi, loss)]
+
+
+def _closure(section: Section, on: Conditions) -> tuple[float, float, float, Fourier | None]:
+    """The wall, which everything scales with, chi and q + 2 h', and f, None where it is 0."""
+    (site, _) = section.impacts[0]
+    response = equations_on(on, section, ()).response(on.params)
+    h, slope, *_ = response.interactions(np.zeros(1))[:, 0, 0].tolist()
+    series = response.harmonics(site)
+    cos, sin = {m: A for m, A, _ in series}, {m: B for m, _, B in series}
+    loss = restitution_ratio(float(on.at_sites("k", site))) + 2.0 * slope
+    forced = Fourier.from_response(cos, sin) if any((*cos.values(), *sin.values())) else None
+    return on.walls.position(site, 1), -2.0 * h, loss, forced

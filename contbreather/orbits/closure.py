@@ -146,6 +146,11 @@ def folds(gamma: float, k: float, forcing: Forcing, lattice: UniformLattice) -> 
     if isinstance(forcing, Harmonic):
         # (14); chi f' + q f = -chi sin + q cos has the largest value sqrt(chi^2 + q^2)
         return [q / math.hypot(chi, q)]
+    return fold_amplitudes(forcing, chi, q)
+
+
+def fold_amplitudes(forcing: Forcing, chi: float, q: float) -> list[float]:
+    """Amplitudes at which ``a (chi f' + q f) = q`` has a double root."""
     series = reduced(forcing, chi, q)
     heights = [series.at(phi, 0) for phi in series.extrema()]
     return [q / height for height in heights if height > 0.0]

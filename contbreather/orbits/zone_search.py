@@ -28,6 +28,7 @@ from contbreather.continuation.walk.checkpoint import Checkpoint
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, add_partial_result
 from contbreather.lattice.conditions import check_drive
+from contbreather.orbits.by_impacts import symmetric_folds
 from contbreather.orbits.closed_form import symmetric_roots
 from contbreather.orbits.closure import folds
 from contbreather.orbits.orbit import Orbit
@@ -237,10 +238,17 @@ class ZoneSearch:
 
     def _next_to_folds(self, at: Mapping[str, float], free: str) -> list[float]:
         """Amplitudes on both sides of each fold, for sheets that pass between those of the comb."""
-        if free != "a" or {"damping", "omega"} & {*self.model, *at}:
+        if free != "a" or "omega" in at:
             return []
-        amplitudes = folds(at["gamma"], at["k"], **self.model)
         low, high = self.within["a"]
+        if "damping" in self.model:
+            try:
+                breather, *_ = symmetric_roots(max(self._comb("a")), **at, **self.model)
+            except NoSolution:  # nor at any smaller amplitude
+                return []
+            amplitudes = symmetric_folds(breather)
+        else:
+            amplitudes = folds(at["gamma"], at["k"], **self.model)
         beside = [factor * a for a in amplitudes for factor in (0.999, 1.001)]
         return [a for a in beside if low <= a <= high]
 

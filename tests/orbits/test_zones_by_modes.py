@@ -123,3 +123,18 @@ def test_a_window_of_one_parameter_leaves_the_other_whole_at_another_frequency()
     diagram = cb.zones(k=0.8, omega=2.0, progress=False)
     whole, cut = diagram.box(), diagram.box({"a": (0.0, 3.0)})
     assert cut[0][1] == pytest.approx(4 * 0.2499) == whole[0][1]
+
+
+def test_curves_between_two_folds_that_no_amplitude_of_the_comb_hits_are_found() -> None:
+    """At a fold the map is that of its coupling alone: where a pair has the threshold's modulus on
+    one, it has on all of them, and a curve of NS sets out from each."""
+    drive = cb.Symbolic("-cos(t) - 0.5*cos(3*t) + 0.3*sin(5*t)")
+    chain, window = cb.OpenChain(4, drive=[0.2, 1.0, 0.1, 0.0]), {"gamma": (0.105, 0.107)}
+    found = cb.zones(
+        k=0.75, lattice=chain, site=1, damping=0.03, spring=0.1, forcing=drive,
+        within=window | {"a": (0.06, 0.12)}, progress=False,
+    )  # fmt: skip
+    meetings = [p["a"] for fold in found["LP"] for p in fold.special if p.kind == "LP-NS"]
+    ends = [p["a"] for curve in found["NS"] for p in curve.special if p.kind == "NS-LP"]
+    assert len(meetings) == 3
+    assert sorted(ends) == pytest.approx(sorted(meetings), rel=1e-9)
