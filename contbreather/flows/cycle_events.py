@@ -115,9 +115,7 @@ def _without_unit(point: Point) -> Examined:
     off = base.solution.off_one
     if math.isnan(off):  # at VI: of a fold the state at each start moves, unless a reset forgets it
         null, starts = least_in_unknowns(base.curve, base.z).right, equations_of(base).layout.nodes
-        off = math.nan if min(abs(null[of[0]]).max() for of in starts) < 1e-6 else 0.0
-        if math.isnan(off):
-            return NOTHING
+        return NOTHING if min(abs(null[of[0]]).max() for of in starts) < 1e-6 else ""
     return "" if off < ONE else f"no multiplier is 1: the nearest is {off:.2g} off"
 
 

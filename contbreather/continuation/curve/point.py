@@ -176,10 +176,10 @@ class Point(HtmlRepr):
             return None
         curve = Curve(problem, self.curve.free)
         curve.asked = self.curve.asked
-        way = (
-            self.tangent if self.tangent is None else curve.tangent_at(curve.start, self.tangent)[0]
-        )
-        return replace(self, curve=curve, z=curve.start, tangent=way)
+        point = replace(self, curve=curve, z=curve.start)
+        if self.tangent is None:
+            return point
+        return replace(point, tangent=curve.tangent_at(point.z, self.tangent)[0])
 
     @property
     def solution(self) -> Any:
