@@ -242,8 +242,9 @@ class ZoneSearch:
             return []
         low, high = self.within["a"]
         if "damping" in self.model:
+            how: dict[str, Any] = {**at, **self.model}
             try:
-                breather, *_ = symmetric_roots(max(self._comb("a")), **at, **self.model)
+                breather, *_ = symmetric_roots(max(self._comb("a")), **how)
             except NoSolution:  # nor at any smaller amplitude
                 return []
             amplitudes = symmetric_folds(breather)
