@@ -6,7 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, NamedTuple
 
 from cyclopts import Parameter
@@ -257,8 +257,7 @@ def end_sentences(branch: cb.Branch) -> list[str]:
     for point, stop, reason, word in sides:
         if stop is not None:
             why = (reason or _grazed(point)).rstrip(".")
-            phrase = stop.value.replace("Steps.most", "--most of contbreather extend")
-            phrase = phrase.replace("ended", word)
+            phrase = _as_option(stop.value).replace("ended", word)
             if word == "began" and point.parent is not None:
                 phrase = f"left another branch at its {point.parent.label}"
             sentences.append(f"{point.label}: {phrase}{f' ({why})' if why else ''}")
@@ -278,9 +277,14 @@ def _drive_and_walls(branch: cb.Branch) -> str:
     return ", ".join([formula] * (drive != cb.Harmonic()) + [f"walls {walls}"] * bool(walls))
 
 
+def _as_option(said: str) -> str:
+    return said.replace("Steps.most", "--most of contbreather extend")
+
+
 def lines_of(branch: cb.Branch) -> Iterator[object]:
     """A branch for people: its table, its model, why it ends, and what could not be verified."""
-    yield branch
+    table = branch.table()
+    yield replace(table, title=_as_option(table.title))
     if words := _drive_and_walls(branch):
         yield f"{words}."
     yield from (f"{line}." for line in end_sentences(branch))

@@ -206,7 +206,8 @@ def of_cycle(
     if isinstance(equations, SparseFlowEquations) and not equations.condensed:
         return equations.leading(x, p)
     factors, directions = around(equations, x, p)
-    if np.ndim(units := equations.units):  # by reflections what is small beside others is lost
+    if isinstance(units := equations.units, np.ndarray):
+        # by reflections what is small beside others is lost
         factors = [stack * (units / units[:, None]) for stack in factors]
         directions = [ways / units for ways in directions]
     none = np.empty(0)

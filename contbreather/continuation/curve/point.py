@@ -143,8 +143,10 @@ class Point(HtmlRepr):
     @property
     def params(self) -> dict[str, float]:
         """Parameters by name, on a boundary also that which is among its unknowns."""
-        freed = {name: self[name] for name in self.curve.varied}
-        return {**self.curve.params(self.z), **freed}
+        params, curve = self.curve.params(self.z), self.curve
+        if curve.problem.beneath is None:
+            return params
+        return {**params, curve.varied[-1]: self[curve.varied[-1]]}
 
     @property
     def values(self) -> dict[str, Any]:
