@@ -55,10 +55,10 @@ def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
 def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
     """Return the unknowns of the same orbit from each later period of its forcing on, as far as
     a mesh that begins elsewhere knows it; of several flows, from where the same ones follow; of one
-    without forcing from where it is in phase with the first orbit, if it is not."""
+    without forcing from where it is in phase with the first orbit."""
     flows, written = equations.flows, []
     if equations.smooth and equations.autonomous:
-        return () if moves(flows[0]) else _in_phase(equations, x)
+        return () if moves(flows[0]) else _in_phase(equations, x, p)
     if equations.smooth:
         later = [] if moves(flows[0]) else range(1, equations.turns)
     else:
@@ -81,22 +81,42 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
     return tuple(written)
 
 
-def _in_phase(equations: FlowEquations, x: Array) -> tuple[Array, ...]:
-    """Begin with the interval from which on the orbit has most in common with the first one."""
+def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...]:
+    """Begin at each place from which on the orbit is in phase with the first one."""
+    from scipy.optimize import newton
+
+    reset, (flight,) = equations.flows[0].reset, equations.flights(x, p)
     nodes, knots = equations.layout.nodes[0], equations.layout.knots[0][:-1]
-    count, reset, written = len(nodes), equations.flows[0].reset, list[Array]()
-    back = reset.turns if isinstance(reset, TurnedBack) else 0.0
-    laps = np.vstack([x[nodes], x[nodes] + back])
-    steps = np.tile(np.diff(x[knots], prepend=0.0, append=1.0), 2)
+    count, start, period = len(nodes), flight.start, flight.duration
+
+    def before(states: Array) -> Array:  # a round earlier
+        return states if reset is None else values(reset, flight.last, states, p)
+
+    def motion(t: Array) -> Array:
+        past = t < start
+        states = states_along([flight], np.where(past, t + period, t))
+        states[:, past] = before(states[:, past])
+        return states
+
+    def begun(t: float) -> Array:
+        piece = fitted(flight.scheme, t, period, motion).adapted(equations.sizes[0])
+        written = equations.unknowns([replace(piece, start=start)], p)
+        return np.concatenate([*map(np.ravel, written.values())])
+
+    # with each of the intervals of the round before, up to the present beginning
+    laps, at = np.vstack([before(x[nodes].T).T, x[nodes]]), np.append(0.0, x[knots])
+    steps, off, later = np.tile(np.diff(at, append=1.0), 2), np.empty(count + 1), x.copy()
     for k in range(count + 1):
-        later = x.copy()
         later[nodes], later[knots] = laps[k : k + count], np.cumsum(steps[k : k + count - 1])
-        written.append(later)
-    off = np.array([*map(equations.out_of_phase, written)])
-    off[abs(off) <= 1e-9 * abs(off).max()] = 0.0
+        off[k] = equations.out_of_phase(later)
     # in phase this rises through zero, and half a turn later it falls
-    k = int(np.where((off[:-1] <= 0) & (off[1:] > 0), np.diff(off), 0.0).argmax())
-    return () if k == 0 and off[0] == 0 else (written[k],)
+    rises, written = np.diff(off), list[Array]()
+    for i in np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0)):
+        guess = start + period * (at[i] - off[i] / rises[i] * steps[i] - 1)
+        nearby = guess + 0.1 * period * steps[i]
+        found = newton(lambda t: equations.out_of_phase(begun(t)), guess, x1=nearby, disp=False)
+        written.append(begun(found))
+    return tuple(written)
 
 
 def _follow(equations: FlowEquations, i: int) -> bool:

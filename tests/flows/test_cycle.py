@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections import Counter
 
 import numpy as np
 import pytest
@@ -953,6 +954,27 @@ def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase
     cb.save(tmp_path / "half.nc", half)
     rest = cb.extend(cb.load(tmp_path / "half.nc", problem=start), end="last", steps=cb.Steps())
     assert rest.stop is cb.continuation.Stop.CLOSED
+
+
+def test_arms_close_where_they_come_back_to_their_branch_point_in_another_phase() -> None:
+    """Two neurons that are alike and fire together begin not to, by ever more, up to half a period
+    and on to a whole one; a mirror image of itself, this has each event twice."""
+
+    def neurons(t, x, p):
+        v, w = x[:2], x[2:]
+        pull = 0.02 * np.array([v[1] - v[0], v[0] - v[1]])
+        return np.concatenate([v - v**3 / 3 - w + p["I"] + pull, 0.3 * (v + 0.7 - 0.8 * w)])
+
+    start = {"v": [1.25, 1.25], "w": [0.83, 0.83]}
+    window = {"I": (0.41, 0.48)}
+    together = cb.cycle(neurons, start, {"I": 0.45}, settle=100)
+    branch = cb.trace(together, "I", within=window)
+    first = min((at for at in branch.special if at.kind == "BP"), key=lambda at: at["I"])
+    (arm,) = cb.switch(first, within=window)
+    assert arm.stop is cb.continuation.Stop.CLOSED
+    kinds = Counter(at.kind for at in arm.special)
+    assert kinds == {"EP": 1, "LP": 2, "PD": 4, "NS": 2, "BP": 1}
+    assert np.ptp([at["I"] for at in arm.special if at.kind == "LP"]) < 1e-8
 
 
 @pytest.mark.parametrize(("order", "a"), [(1, 0.3), (2, 3.0)])

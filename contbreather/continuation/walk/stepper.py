@@ -178,19 +178,21 @@ class Stepper:
         same = np.eye(home.z.size)[-1]  # in the parameter; next to a fold across the curve
 
         def phases(z: Array) -> list[Array]:
-            known = () if self.crossed else curve.problem.phases(z[: curve.size], curve.params(z))
+            known = curve.problem.phases(z[: curve.size], curve.params(z))
             return [np.append(x, z[curve.size :]) for x in known]
 
         pairs: Any = ()
         with suppress(*OUT_OF_DOMAIN):
             ahead = home.z + self.steps.first * self.outwards
-            pairs = zip(phases(home.z), phases(ahead), strict=True)
+            pairs = zip(phases(home.z), phases(ahead), strict=False)
         for z, beyond in pairs:
             with suppress(StepFailed, *OUT_OF_DOMAIN):
-                along = curve.normalised(beyond - z)
-                row = same if abs(self.outwards[-1]) > self.steps.first else curve.metric * along
-                z = self.correct(z, row).z
-                tangent = curve.tangent_at(z, along)[0]
+                z = curve.turned(z, beyond) if self.angles else z
+                tangent = along = curve.normalised(beyond - z)
+                if not self.crossed:  # there Newton's iteration is singular
+                    steep = abs(self.outwards[-1]) > self.steps.first
+                    z = self.correct(z, same if steep else curve.metric * along).z
+                    tangent = curve.tangent_at(z, along)[0]
                 homes.append((replace(home, z=z, tangent=tangent), tangent, curve.metric * tangent))
         return homes
 
