@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial, reduce
 from operator import attrgetter
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,6 +53,23 @@ def event_at(place: float, kind: str, test: Any, found: Examined, **how: Any) ->
     """Make the event of a test that vanishes where a pair is at a place; it is followed by that."""
     examine, locus = partial(examine_place, place, found), partial(followed, test)
     return Event(kind, test, examine=examine, locus=locus, **how)
+
+
+def _examine_flip(point: Point) -> Examined:
+    """With two eigenvectors, as of an orbit that is its own image, a pair touches -1 and leaves no
+    circle."""
+    if why := examine_place(-1.0, "", point):
+        return why
+    from scipy.linalg import schur
+
+    M, near = point.base_point.solution.monodromy, math.sqrt(2 * NEAR)
+
+    def first(mu: Any) -> bool:
+        return bool(abs(mu + 1) < near)
+
+    T, _, count = cast("Any", schur)(M, output="complex", sort=first)
+    flat = np.linalg.norm(np.triu(T[:count, :count], 1)) < NEAR * np.linalg.norm(M, 2)
+    return NOTHING if flat else ""
 
 
 def turn_of_energy(point: Point) -> float:
@@ -240,6 +257,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     )  # fmt: skip
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
     pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
+    pd = replace(pd, examine=_examine_flip)
     kc = Event(
         "KC", _apart, count=_in_order, locus=partial(followed, _meeting),
         examine=_examine_collision,

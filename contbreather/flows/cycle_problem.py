@@ -191,15 +191,19 @@ class Cycle(HtmlRepr):
         return bool(self.equations.givens)
 
     @cached_property
+    def monodromy(self) -> Array:
+        """How a smooth flow maps small perturbations once around."""
+        (factors,), _ = around(self.equations, self.x, self.params)
+        return reduce(np.matmul, factors[::-1])
+
+    @cached_property
     def index_form(self) -> tuple[Array, Array | None]:
         """A matrix whose eigenvalues are the stability indices, each one twice, and the form that
         has the Krein signature of a pair, where it is known: where the field is a constant matrix J
         times the gradient of what is conserved, ``x . inv(J) M x``."""
-        (factors,), _ = around(self.equations, self.x, self.params)
         kept, states = self.equations.conservation, self.flights[0].states.T
         assert kept is not None
-        J = kept.poisson(self.equations.flows[0].f, states, self.params)
-        M = reduce(np.matmul, factors[::-1])
+        J, M = kept.poisson(self.equations.flows[0].f, states, self.params), self.monodromy
         form = None if J is None else np.linalg.inv(J) @ M
         return (M + np.linalg.inv(M)) / 2, None if form is None else (form + form.T) / 2
 

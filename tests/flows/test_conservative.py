@@ -596,3 +596,22 @@ def test_a_mode_with_a_node_is_followed() -> None:
     k = square / (2 * (1 + square))
     assert end["energy"] == pytest.approx(0.3, abs=1e-12)
     assert end["period"] == pytest.approx(4 * ellipk(k) / np.sqrt(2 * (1 + square)), rel=1e-10)
+
+
+@pytest.mark.parametrize("u", [0.3, 0.6, 0.9])
+def test_a_pair_that_touches_minus_one_with_two_eigenvectors_is_no_period_doubling(u) -> None:
+    """That of a linear oscillator beside another one, w T / 2 around the circle."""
+
+    def beside(t, x, p):
+        return [x[2], x[3], -x[0] - x[0] ** 3, -(p["w"] ** 2) * x[1]]
+
+    def energy(x, p):
+        return (x[2] ** 2 + x[3] ** 2 + x[0] ** 2 + x[0] ** 4 / 2 + (p["w"] * x[1]) ** 2) / 2
+
+    start = {"u": u, "y": 0.0, "v": 0.0, "s": 0.0}
+    family = cb.cycle(beside, start, {"w": 0.57}, conserves=energy, fixed="energy")
+    branch = cb.trace(family, "w", within={"w": (0.4, 1.9)})
+    turns = branch["w"] * branch["period"] / np.pi
+    assert turns.min() < 1 < 3 < turns.max()
+    assert not [at for at in [*branch.special, *branch.doubtful] if at.kind == "PD"]
+    assert [at.kind for at in branch.special] == ["EP", "EP"]
