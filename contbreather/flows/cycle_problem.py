@@ -501,12 +501,13 @@ class CycleProblem(Problem):
         tangent = max(ways, key=lambda way: abs(way @ row))
         return Point(finer, z).problem, math.copysign(1.0, tangent @ row) * tangent
 
-    def renewed(self, point: Point, ahead: Point) -> Problem | None:  # type: ignore[override]
+    def renewed(self, point: Point, ahead: Point | None) -> Problem | None:  # type: ignore[override]
         """Measure the phase by an orbit where the first has hardly anything in common with the
         next."""
         equations = self.residual
-        measured = not (equations.autonomous and equations.endless)
-        if measured or equations.hold(ahead.x, ahead.params) > _HOLDS:
+        if not (equations.autonomous and equations.endless):
+            return None
+        if ahead is not None and equations.hold(ahead.x, ahead.params) > _HOLDS:
             return None
         return replace(point.problem, residual=replace(equations, start=point.solution.flights))
 

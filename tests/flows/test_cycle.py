@@ -912,6 +912,35 @@ def test_a_branch_goes_on_where_its_first_orbit_measures_no_phase_any_more() -> 
     assert abs(branch[-1].solution.max["a"] + 10 * np.cos(3.0) * 5 / math.sqrt(26)) < 1e-9
 
 
+def _followed(t, x, p):
+    """Roessler's equations, with states that follow and turn over beside c = 2.3 and 3.9."""
+    (u, v, w), followers = x[:3], x[3:]
+    f = [-v - w, u + 0.2 * v, 0.2 + w * (u - p["c"])]
+    return [*f, *(5 * (10 * np.cos(2 * p["c"] + 0.1) * x[:3] - followers))]
+
+
+def _cycle_with_followers():
+    start = {"x": 1.0, "y": 1.0, "z": 0.1, "follow": np.zeros(3)}
+    return cb.cycle(_followed, start, {"c": 2.5}, settle=300)
+
+
+def test_what_follows_changes_nothing_where_the_first_orbit_measures_no_phase_any_more() -> None:
+    """A walk that is set up anew may be in phase with its start, to rounding."""
+    branch = cb.trace(_cycle_with_followers(), "c", within={"c": (1.5, 4.5)})
+    assert [(at.kind, round(at["c"], 6)) for at in branch.special[1:-1]] == [("PD", 2.832445)]
+    assert branch["c"][[0, -1]].tolist() == [1.5, 4.5]
+
+
+def test_loaded_points_are_in_the_phase_that_they_were_walked_in(tmp_path) -> None:
+    """Wherever the walk began: each on a curve of which it is a solution, where others set out."""
+    orbit = _cycle_with_followers()
+    cb.save(tmp_path / "led.nc", cb.trace(orbit, "c", within={"c": (1.5, 4.5)}, events=()))
+    branch = cb.load(tmp_path / "led.nc", problem=orbit)
+    assert max(abs(at.curve.equations(at.z)).max() for at in branch) < 1e-8
+    assert len({id(at.curve) for at in branch}) < 10  # one for each piece of the walk
+    assert cb.extend(branch, within={"c": (1.4, 4.6)})["c"][[0, -1]].tolist() == [1.4, 4.6]
+
+
 def test_folds_go_on_where_their_first_orbit_measures_no_phase_any_more() -> None:
     """At m = -1/4, whatever q is: r' = r (m + r^2 - r^4), and two states that follow."""
 

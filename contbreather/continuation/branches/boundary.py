@@ -146,9 +146,10 @@ class BoundaryProblem(ExtendedProblem):
         curve = Curve(finer[0], begin.curve.free)
         return self._anew(Point(curve, curve.start), event, point.curve.free[0]), None
 
-    def renewed(self, point: Point, ahead: Point) -> Problem | None:  # type: ignore[override]
+    def renewed(self, point: Point, ahead: Point | None) -> Problem | None:  # type: ignore[override]
         """Set the base problem up anew, with null vectors of its own."""
-        begin, event = point.base_point.renewed(ahead.base_point), self.residual.event
+        begin = point.base_point.renewed(ahead and ahead.base_point)
+        event = self.residual.event
         if begin is None or event is None:
             return None
         return self._anew(begin, event, point.curve.free[0])

@@ -170,9 +170,9 @@ class Point(HtmlRepr):
         assert self._base is not None
         return self._base
 
-    def renewed(self, ahead: Point) -> Point | None:
-        """Put this point on the curve of a problem that is set up anew here for the next one; None
-        where that goes on as it is."""
+    def renewed(self, ahead: Point | None = None) -> Point | None:
+        """Put this point on the curve of a problem that is set up anew here, for the next one if
+        that is given; None where it goes on as it is."""
         renew = self.curve.problem.renewed
         if renew is None or (problem := renew(self, ahead)) is None:
             return None

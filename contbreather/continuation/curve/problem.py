@@ -55,7 +55,7 @@ class Structure:
     # and which unknowns a perturbation moves: not those of a mesh, which may stay where it is
     perturbed: ClassVar[Any] = None
     # ``(point, ahead) -> problem or None``: the same in the same unknowns, set up anew at a point,
-    # where its own start says too little of the next one
+    # where its own start says too little of the next one, or that is None
     renewed: ClassVar[Callable[[Any, Any], Any] | None] = None
     # ``(x, params, names) -> (curve, z)``: the curve of the shorter problem that this one extends
     # by a defining system, as on a boundary, and the point on it

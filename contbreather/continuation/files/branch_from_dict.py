@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from ..systems.defining_systems import ExtendedProblem
 
 Array = NDArray[Any]
 Content = Mapping[str, Any]
+_FITS = 1e-6  # so much a point may leave of the equations
 
 BRANCH = {  # what `branch_to_dict` writes besides columns and groups
     "label": str, "stop": str, "reason": str, "began": str | None, "began_reason": str,
@@ -114,17 +116,17 @@ class _Stored:
     def fitted(
         self, problems: Sequence[Problem], origin: Point | None
     ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
-        """Attach the first problem that fits, if any is given."""
+        """Attach the first problem that fits, if any is given; or that does so set up anew."""
         wrong: list[BadInput] = []
-        for problem in problems or (None,):
+        for anew, problem in product((False, True), problems or (None,)):
             try:
-                return self.attached(problem, origin)
+                return self.attached(problem, origin, anew)
             except BadInput as error:
                 wrong.append(error)
         raise wrong[0]
 
     def attached(
-        self, problem: Problem | None, origin: Point | None
+        self, problem: Problem | None, origin: Point | None, anew: bool
     ) -> tuple[Curve, Settings | None, tuple[Event, ...]]:
         """The curve of these points, how it was walked, and what can happen on it."""
         content, first = self.content, self.here
@@ -160,7 +162,7 @@ class _Stored:
         settings = self._settings(candidates)
         used = settings or Settings()
         if content["boundary"]:
-            longer, events = self._boundary(problem, used, candidates, origin)
+            longer, events = self._boundary(problem, used, candidates, origin, anew)
         else:
             longer, events = active_events(problem, used.events, inadmissible=used.inadmissible)
         curve = self._curve(longer)
@@ -168,7 +170,7 @@ class _Stored:
         if list(longer.start) != content["unknowns"] or set(longer.names) != set(first):
             raise BadInput(f"the file has {list(first)}, the problem has {list(longer.names)}")
         if not content["boundary"]:
-            _check_fit(curve)
+            _check_fit(curve, anew)
         return curve, settings, (*events, *candidates)
 
     def _boundary(
@@ -177,11 +179,12 @@ class _Stored:
         settings: Settings,
         candidates: tuple[Event, ...],
         origin: Point | None,
+        anew: bool,
     ) -> tuple[Problem, tuple[Event, ...]]:
         """Make the problem of a boundary: with the conditions that it had, those of its origin."""
         free, released = self.content["free"][0], self.content["unknowns"][-1]
         curve = Curve(problem, (released, free))
-        _check_fit(curve)
+        _check_fit(curve, anew)
         events = _events_from_dict(self.content["boundary"], candidates)
         if not events:
             kind = self.content["boundary"]["kind"]
@@ -195,6 +198,8 @@ class _Stored:
             base_point = Point(curve, curve.start)
             if origin is not None:
                 base_point = replace(base_point, kind=origin.base_point.kind, event=event)
+            if _off(curve, curve.start) > _FITS:
+                base_point = base_point.renewed() or base_point
             how = (base_point, event, (free, released))
             make = partial(boundary_problem, *how, inadmissible=settings.inadmissible)
             longer = make(settings.events)
@@ -245,10 +250,29 @@ class _Stored:
             )
             points.made[i] = replace(point, event=_event_at(point, events))
         if curve.problem.renewed:
-            for i, point in enumerate(points):
-                if renewed := point.renewed(point):
-                    points.made[i] = renewed
+            _as_walked(points)
         return replace(points)
+
+
+def _as_walked(points: Points) -> None:
+    """Put points on the curves of a walk that set its problem up anew on the way."""
+    left = [i for i, point in enumerate(points) if not _solves(point)]
+    for way in (1, -1):
+        for i in left[::way]:
+            before, known = i - way, range(len(points))
+            if before in left or before not in known:
+                continue
+            for begun in filter(None, (points[before], points[before].renewed())):
+                if _solves(there := replace(points[i], curve=begun.curve)):
+                    points.made[i] = there
+                    left.remove(i)
+                    break
+    for i in left:  # of a piece that has no point of its start
+        points.made[i] = points[i].renewed() or points[i]
+
+
+def _solves(point: Point) -> bool:
+    return _off(point.curve, point.z) <= _FITS and point.renewed(point) is None
 
 
 def _detail_from_dict(content: Any) -> Any:
@@ -264,13 +288,19 @@ def _detail_from_dict(content: Any) -> Any:
     return np.array(value) if kind == "array" else np.array(value[0]) + 1j * np.array(value[1])
 
 
-def _check_fit(curve: Curve) -> None:
+def _off(curve: Curve, z: Array) -> float:
+    """Measure what a place leaves of the equations, relative to the rows of their derivative."""
+    return float((abs(curve.equations(z)) / curve.row_scales).max())
+
+
+def _check_fit(curve: Curve, anew: bool) -> None:
     try:
-        off = float((abs(curve.equations(curve.start)) / curve.row_scales).max())
+        if anew and (renewed := Point(curve, curve.start).renewed()):
+            curve = renewed.curve
+        off = _off(curve, curve.start)
     except Undefined as error:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
-    # relative to the rows of the derivative
-    if off > 1e-6:
+    if off > _FITS:
         raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
 
 
