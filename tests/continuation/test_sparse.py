@@ -157,7 +157,7 @@ def test_memory_is_linear_in_the_entries_that_are_not_zero() -> None:
     def peak(n: int) -> int:
         problem = bratu(second(n))
         tracemalloc.start()
-        cb.trace(problem, "lam", towards="up", events=FEW, steps=cb.Steps(most=3))
+        cb.trace(problem, "lam", towards="up", events=FEW, steps=cb.Steps(most=6))
         found = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
         return found
@@ -165,7 +165,7 @@ def test_memory_is_linear_in_the_entries_that_are_not_zero() -> None:
     peak(500)  # what is imported and kept counts once
     small, large = peak(2000), peak(8000)
     assert large < 4.4 * small
-    assert large < 500 * second(8000).nnz  # bytes
+    assert large < 600 * second(8000).nnz  # bytes
 
 
 @pytest.mark.slow

@@ -175,7 +175,8 @@ class Stepper:
         """The start, and the same solution with other unknowns; how the curve leaves them, and the
         planes across it."""
         curve, home, homes = self.curve, self.home, [(self.home, self.outwards, self.across)]
-        same = np.eye(home.z.size)[-1]  # in the parameter; next to a fold across the curve
+        # in the parameter; next to a fold across the curve
+        same = np.eye(1, home.z.size, home.z.size - 1)[0]
 
         def phases(z: Array) -> list[Array]:
             known = curve.problem.phases(z[: curve.size], curve.params(z))
