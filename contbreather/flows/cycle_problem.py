@@ -507,7 +507,8 @@ class CycleProblem(Problem):
         equations = self.residual
         if not (equations.autonomous and equations.endless):
             return None
-        if ahead is not None and equations.hold(ahead.x, ahead.params) > _HOLDS:
+        # asked at each step: the parameters of a point look further, for those that are freed
+        if ahead and equations.hold(ahead.x, ahead.curve.params(ahead.z)) > _HOLDS:
             return None
         return replace(point.problem, residual=replace(equations, start=point.solution.flights))
 
