@@ -56,8 +56,8 @@ def event_at(place: float, kind: str, test: Any, found: Examined, **how: Any) ->
 
 
 def _examine_flip(point: Point) -> Examined:
-    """With two eigenvectors, as of an orbit that is its own image, a pair touches -1 and leaves no
-    circle."""
+    """Tell that nothing happens where -1 has two eigenvectors, as of an orbit that is its own
+    image: a pair touches it and stays on the circle."""
     if why := examine_place(-1.0, "", point):
         return why
     from scipy.linalg import schur

@@ -192,7 +192,7 @@ class Cycle(HtmlRepr):
 
     @cached_property
     def monodromy(self) -> Array:
-        """How a smooth flow maps small perturbations once around."""
+        """Matrix that takes small perturbations of a smooth flow once around."""
         (factors,), _ = around(self.equations, self.x, self.params)
         return reduce(np.matmul, factors[::-1])
 

@@ -171,10 +171,9 @@ class Stepper:
     # --- one by one ---
 
     @cached_property
-    def _homes(self) -> list[tuple[Point, Array, Array]]:
-        """The start, and the same solution with other unknowns; how the curve leaves them, and the
-        planes across it."""
-        curve, home, homes = self.curve, self.home, [(self.home, self.outwards, self.across)]
+    def _phases(self) -> list[tuple[Point, Array, Array]]:
+        """The start with other unknowns; how the curve leaves it there, and the plane across it."""
+        curve, home, homes = self.curve, self.home, list[tuple[Point, Array, Array]]()
         # in the parameter; next to a fold across the curve
         same = np.eye(1, home.z.size, home.z.size - 1)[0]
 
@@ -200,7 +199,11 @@ class Stepper:
     def _passed(self, point: Point, last: Point) -> Point | None:
         """The start, if the step passes it in the direction in which the curve left it; its angles
         as they are there."""
-        for home, outwards, row in self._homes:
+        homes, length = [(self.home, self.outwards, self.across)], last.arclength - point.arclength
+        # with other unknowns it has the same parameter
+        if abs(self.home.z[-1] - last.z[-1]) * math.sqrt(self.curve.metric[-1]) <= 2 * length:
+            homes += self._phases
+        for home, outwards, row in homes:
             start = self.curve.turned(home.z, last.z) if self.angles else home.z
             before, after = row.dot(point.z - start), row.dot(last.z - start)
             # across t0 at the start: from behind it to beyond, within 60 degrees of t0
