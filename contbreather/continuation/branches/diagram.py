@@ -372,7 +372,7 @@ class _Growth:
         reach = first.curve.length(first[-1].z - first[0].z)
         duplicate = duplicate_of(first[-1], self.tree, reach) or ending_at(first[0], self.tree)
         if duplicate is not None and (duplicate.simpler or not duplicate.image):
-            larger = problem.residual is not self.tree[place.branch].problem.residual
+            larger = problem.residual is not point.curve.problem.residual
             if larger and duplicate.branch == place.branch:  # else a curve that crosses itself
                 raise NotConverged(
                     "an arm cannot be distinguished from the branch it was to leave; shorter first "

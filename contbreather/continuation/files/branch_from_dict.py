@@ -249,7 +249,7 @@ class _Stored:
                 detail=_detail_from_dict(detail) if detail else {},
             )
             points.made[i] = replace(point, event=_event_at(point, events))
-        if curve.problem.renewed:
+        if points[0].renewed():
             _as_walked(points)
         return replace(points)
 
