@@ -459,3 +459,18 @@ def test_a_curve_in_two_parameters_gets_a_finer_mesh_for_few_calls_of_the_field(
     # the rank that a canard all but loses is no surface of solutions
     back = cb.boundary(line[-1], ("phi", "I"), towards="up", steps=cb.Steps(most=2))
     assert len(back) == 3
+
+
+def test_a_bubble_between_two_doublings_is_in_a_diagram_once() -> None:
+    """Both PD are on the branch of single orbits, and the arm of each ends at the other one."""
+
+    def roessler(t, x, p):
+        out = 3.4 - p["q"] ** 2
+        return [-x[1] - (1 + 0.3 * p["q"]) * x[2], x[0] + 0.2 * x[1], 0.2 + x[2] * (x[0] - out)]
+
+    start = cb.cycle(roessler, {"x": 3.0, "y": 0.0, "z": 0.1}, {"q": 1.0}, settle=200)
+    tree = cb.diagram(start, "q", within={"q": (-1.1, 1.1)}, depth=1)
+    single, bubble = tree
+    assert [at.kind for at in single.special] == ["EP", "PD", "PD", "EP"]
+    assert [(at.place.point.label, at.branch) for at in tree.meetings] == [("PD2", 1)]
+    assert bubble[-1]["q"] == pytest.approx(single.first("PD2")["q"], rel=1e-9)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ...errors import NotConverged
 from ..algebra.newton import OUT_OF_DOMAIN, Array
-from ..curve.branch import Branch
+from ..curve.branch import Branch, Stop
 from ..curve.curve import Curve
 from ..curve.point import Point
 from ..events.step_interpolant import StepInterpolant
@@ -122,8 +122,9 @@ def ending_at(start: Point, branches: Iterable[Branch]) -> Duplicate | None:
     if numbers is None:
         return None
     for i, branch in enumerate(branches):
-        for end in (branch[0], branch[-1]):
-            known = end.curve.problem.invariants(end) if end.event and end.event.ends else None
+        for end, stop in ((branch[0], branch.began), (branch[-1], branch.stop)):
+            ended = end.event and stop is Stop.EVENT
+            known = end.curve.problem.invariants(end) if ended else None
             alike = known is not None and known.size == numbers.size
             if alike and (abs(known - numbers) <= GAP * (1.0 + abs(numbers))).all():
                 return Duplicate(i)
