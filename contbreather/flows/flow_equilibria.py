@@ -105,6 +105,7 @@ class Equilibrium(Problem):
 
     flow: Flow
     collocation: Collocation
+    of_arms = ("orbit", "period")
 
     def having(self, *names: str) -> Problem:
         """Free parameters, if the field does not begin to depend on the time with one of these."""

@@ -474,3 +474,18 @@ def test_a_bubble_between_two_doublings_is_in_a_diagram_once() -> None:
     assert [at.kind for at in single.special] == ["EP", "PD", "PD", "EP"]
     assert [(at.place.point.label, at.branch) for at in tree.meetings] == [("PD2", 1)]
     assert bubble[-1]["q"] == pytest.approx(single.first("PD2")["q"], rel=1e-9)
+
+
+def test_a_diagram_takes_windows_of_the_cycles_that_it_comes_to() -> None:
+    """Circles of radius sqrt(m), whose period is 2 pi / (1 + m); the equilibrium has none."""
+
+    def circles(t, x, p):
+        r2 = x[0] ** 2 + x[1] ** 2
+        grow, turn = p["m"] - r2, 1 + r2
+        return [grow * x[0] - turn * x[1], grow * x[1] + turn * x[0]]
+
+    rest = cb.equilibrium(circles, {"x": 0.0, "y": 0.0}, {"m": -0.5})
+    _, cycles = cb.diagram(rest, "m", within={"m": (-1, 1), "period": (5, 7)})
+    assert cycles[-1]["m"] == pytest.approx(2 * math.pi / 5 - 1, rel=1e-9)
+    with pytest.raises(cb.BadInput, match="no 'perod' in this problem"):
+        cb.diagram(rest, "m", within={"m": (-1, 1), "perod": (5, 7)})

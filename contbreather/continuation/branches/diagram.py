@@ -20,7 +20,7 @@ from ...storage.serialise import serialised
 from ...tables import Column, HtmlRepr, Sheet
 from ..curve.branch import Branch, Stop
 from ..curve.point import Event, Point
-from ..curve.problem import Problem
+from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within
 from ..walk.checkpoint import Checkpoint, Inner, Save, checkpoint
 from ..walk.trace import Startable, walk_from
@@ -249,7 +249,7 @@ def diagram(
         The parameter all branches are followed in.
     within : dict
         ``{name: (low, high)}`` as for `trace`; a name that the problem of an arm does not have
-        does not count there.
+        does not count there, nor the "period" and "orbit" of cycles along equilibria.
     depth : int, optional
         How often to switch on the way from the start to a branch: 0 is the branch of the start
         alone.
@@ -314,7 +314,10 @@ class _Growth:
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
-        self._grow(Bifurcation(0), partial(walk_from, start, self.free), self.settings)
+        within, later = self.settings.within.items(), {*problem_in(start).of_arms}
+        there = {name: window for name, window in within if name not in later}
+        settings = replace(self.settings, within=there)
+        self._grow(Bifurcation(0), partial(walk_from, start, self.free), settings)
         while self.queue and len(self.tree) < self.most:
             self._switch_at(self.queue[0])
             self.queue.popleft()
@@ -406,7 +409,8 @@ class _Growth:
     def _settings(self, problem: Problem) -> Settings:
         """Settings for another problem: the windows that it has, and its own events."""
         within = self.settings.within.items()
-        there = {name: window for name, window in within if name in problem.names}
+        names = {*problem.names, *problem.totals}
+        there = {name: window for name, window in within if name in names or problem.normed(name)}
         return replace(self.settings, within=there, events=None)
 
     def _add(self, branch: Branch, birth: Bifurcation) -> None:

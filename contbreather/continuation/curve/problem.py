@@ -140,6 +140,12 @@ class Structure:
         in place of its period: sentences name them, too."""
         return ()
 
+    @property
+    def of_arms(self) -> tuple[str, ...]:
+        """Unknowns that curves which leave its points have and it has not: in a diagram they may
+        have a window."""
+        return ()
+
     def with_parameters(self, names: tuple[str, ...]) -> Any:
         """Add parameters that the problem lacks, from its present start, as far as it can have
         them: `trace` and `boundary` ask for what is to be free."""
