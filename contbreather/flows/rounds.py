@@ -75,7 +75,8 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
         pieces = again[i : i + len(flows)]
         if equations.smooth:
             (flight,), begins = flights, flights[0].start + i / equations.turns * period
-            piece = fitted(flight.scheme, begins, period, partial(states_along, again))
+            even = np.linspace(0.0, 1.0, flight.knots.size)
+            piece = fitted(flight.scheme, begins, period, partial(states_along, again), even)
             pieces = [replace(piece.adapted(equations.sizes[0]), start=flight.start)]
         written.append(np.concatenate([*map(np.ravel, equations.unknowns(pieces).values())]))
     return tuple(written)
@@ -88,6 +89,7 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
     reset, (flight,) = equations.flows[0].reset, equations.flights(x, p)
     nodes, knots = equations.layout.nodes[0], equations.layout.knots[0][:-1]
     count, start, period = len(nodes), flight.start, flight.duration
+    even = np.linspace(0.0, 1.0, count + 1)
 
     def before(states: Array) -> Array:  # a round earlier
         return states if reset is None else values(reset, flight.last, states, p)
@@ -99,7 +101,7 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
         return states
 
     def begun(t: float) -> Array:
-        piece = fitted(flight.scheme, t, period, motion).adapted(equations.sizes[0])
+        piece = fitted(flight.scheme, t, period, motion, even).adapted(equations.sizes[0])
         written = equations.unknowns([replace(piece, start=start)], p)
         return np.concatenate([*map(np.ravel, written.values())])
 

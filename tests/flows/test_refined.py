@@ -271,7 +271,9 @@ def test_an_arm_of_doubled_cycles_on_a_coarse_mesh_leaves_the_branch() -> None:
     ring = cb.cycle(roessler, start, {**BAND, "c": 2.7}, settle=200, collocation=mesh)
     branch = cb.trace(ring, "c", within={"c": (2.0, 3.2)}, towards="up")
     (double,) = cb.switch(branch.first("PD"), within={"c": (2.0, 3.2)})
-    orbit = double[-1].solution
+    end, orbit = double[-1], double[-1].solution
+    phases = end.curve.problem.phases(end.x, end.params)  # where its curve may close
+    assert {x.size for x in phases} == {end.x.size}
     assert orbit.period == pytest.approx(11.531, abs=1e-3)
     assert abs(orbit.states(orbit.period / 2) - orbit.states(0.0)).max() > 0.1
     assert [point.kind for point in double.special] == ["EP", "EP"]

@@ -181,14 +181,15 @@ class Stepper:
             known = curve.problem.phases(z[: curve.size], curve.params(z))
             return [np.append(x, z[curve.size :]) for x in known]
 
-        pairs: Any = ()
+        here, later = list[Array](), list[Array]()
         with suppress(*OUT_OF_DOMAIN):
-            ahead = home.z + self.steps.first * self.outwards
-            pairs = zip(phases(home.z), phases(ahead), strict=False)
-        for z, beyond in pairs:
+            here, later = phases(home.z), phases(home.z + self.steps.first * self.outwards)
+        for z in here if later else ():
             with suppress(StepFailed, *OUT_OF_DOMAIN):
-                z = curve.turned(z, beyond) if self.angles else z
-                tangent = along = curve.normalised(beyond - z)
+                # the same one is the nearest: rounding may tell one more, or another order
+                gaps = [y - curve.turned(z, y) for y in later]
+                gap = min(gaps, key=curve.length)
+                tangent = along = curve.normalised(gap)
                 if not self.crossed:  # there Newton's iteration is singular
                     steep = abs(self.outwards[-1]) > self.steps.first
                     z = self.correct(z, same if steep else curve.metric * along).z
