@@ -30,7 +30,7 @@ from .conservation import drift, indices_of, refuse_drift
 from .cycle_beyond import beyond_contact, in_other_order
 from .equations import FlowEquations, equations_of
 from .flow import refuse_false_period
-from .functions import Params, quiet
+from .functions import Params, kink, place, quiet
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle, paces
 from .rounds import begun_later, once, twice
@@ -305,10 +305,26 @@ class Cycle(HtmlRepr):
         """Say where the mesh is."""
         if not self.resolvable:
             return f"{why}by rounding: no mesh resolves it"
-        return (
-            f"{why}the mesh is too coarse near t = {self.roughest[1]:.4g}: "
+        return why + (
+            self.kink
+            or f"the mesh is too coarse near t = {self.roughest[1]:.4g}: "
             "collocation=Collocation(intervals=...)"
         )
+
+    @cached_property
+    def kink(self) -> str:
+        """Say where the field is not smooth along the orbit, as no mesh is; empty if it is."""
+        if isinstance(self.equations, SparseFlowEquations):
+            return ""
+        for flow, flight in zip(self.equations.flows, self.flights, strict=True):
+            times = flight.start + flight.duration * flight.sampled(4)[0]
+            if found := kink(flow.f, partial(states_along, [flight]), times, self.params):
+                t, x = found
+                return (
+                    f"the field or its derivative jumps {place(t, x)}: give what holds on either "
+                    "side as a Flow with `until`"
+                )
+        return ""
 
     @property
     def resolvable(self) -> bool:
@@ -519,6 +535,9 @@ class CycleProblem(Problem):
         start = finer.unknowns([f.halved() for f in here], self.params)
         return replace(self, residual=finer, start=start)
 
+    def ends_near(self, point: Point) -> str:
+        return str(point.solution.kink)
+
     def unresolved(self, point: Point, on: str = "") -> str:
         orbit = point.solution
         try:
@@ -536,7 +555,10 @@ class CycleProblem(Problem):
         """Say what is off and leaves no trace in the trivial multiplier: others, of perturbations
         that turn fast beside the orbit; and the period, which is set by what is small beside it and
         grows, as prey that all but dies out."""
-        if orbit.turns_fast and (worst := orbit.multipliers_off(orbit.x)) > RESOLVED:
+        # of a forced orbit none is known to be 1: what a kink leaves in others shows nowhere else
+        unseen = point.kind and self.residual.period and orbit.kink
+        worst = orbit.multipliers_off(orbit.x) if orbit.turns_fast or unseen else 0.0
+        if worst > RESOLVED:
             return orbit.too_coarse(f"multipliers are {worst:.1g} off, ")
         # where curves cross a correction may lead along the other one
         if orbit.roughest[0] <= UNRESOLVED or not self.residual.autonomous or point.kind == "BP":

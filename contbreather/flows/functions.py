@@ -28,6 +28,7 @@ ROUNDING = 1e-14  # of the largest state or rate: what is less is rounding of th
 _UNSEEN = 1e-5  # of the largest: what differs by less may be rounding
 _PROBED = 4  # columns at which a function is looked at before it is believed
 _ASIDE = 0.017  # and how far from them, relative to their size
+_HALVED = 10  # times between samples, so often, until what is left of a change is a jump
 
 
 def check_function(
@@ -363,3 +364,43 @@ def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Arr
         if isinstance(scheme, partial):  # differences
             finest = np.maximum(finest, scheme.keywords["finer"])
     return finest if finest.any() else None
+
+
+# --- jumps along a motion -------------------------------------------------------------------------
+
+
+@quiet
+def kink(
+    function: Function, motion: Callable[[Array], Array], times: Array, p: Params
+) -> tuple[float, Array] | None:
+    """Find where along a motion a function jumps most, or its derivative across it, and the state
+    there; None where all that changes between the samples changes steadily."""
+    states = motion(times)
+    size = abs(values(function, times, states, p)).max(initial=0.0) or 1.0
+    steps = np.diag(_CENTRAL * np.ptp(states, axis=1))
+
+    def looks(t: Array) -> Array:
+        x = motion(t)[:, :, None]
+        sides = np.concatenate([x, x + steps[:, None], x - steps[:, None]], axis=2)
+        rows = values(function, np.repeat(t, sides.shape[2]), sides.reshape(len(x), -1), p) / size
+        here, up, down = np.split(rows.reshape(len(rows), len(t), -1), [1, 1 + len(x)], axis=2)
+        return np.concatenate([here, (up - down) / (2 * _CENTRAL)], axis=2)
+
+    def apart(one: Array, other: Array) -> Array:
+        return np.asarray(abs(other - one).max(axis=(0, 2)))
+
+    begin, step = times[:-1], np.diff(times)
+    early, late = looks(begin), looks(times[1:])
+    most = apart(early, late)
+    for _ in range(_HALVED):
+        middle, step = looks(begin + step / 2), step / 2
+        before, after = apart(early, middle), apart(middle, late)
+        most, right = np.maximum.reduce([most, before, after]), after > before
+        begin = begin + step * right
+        early = np.where(right[:, None], middle, early)
+        late = np.where(right[:, None], late, middle)
+    # what is smooth halves each time, or nearly so
+    left = apart(early, late)
+    jumps = np.where(left > 0.5 ** (_HALVED / 2) * most, left, 0.0)
+    k = int(jumps.argmax())
+    return (float(begin[k]), motion(begin[k : k + 1])[:, 0]) if jumps[k] > _UNSEEN else None

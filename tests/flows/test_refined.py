@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 import contbreather as cb
 from contbreather.flows import Collocation
+from contbreather.flows.functions import kink
 
 from .zoo import BAND, born, roessler, van_der_pol
 
@@ -491,3 +492,46 @@ def test_a_diagram_takes_windows_of_the_cycles_that_it_comes_to() -> None:
     assert cycles[-1]["m"] == pytest.approx(2 * math.pi / 5 - 1, rel=1e-9)
     with pytest.raises(cb.BadInput, match="no 'perod' in this problem"):
         cb.diagram(rest, "m", within={"m": (-1, 1), "perod": (5, 7)})
+
+
+def bilinear(t: Any, x: Any, p: Any) -> Any:
+    return x[1], np.cos(p["w"] * t) - 0.1 * x[1] - np.where(x[0] > 0, 5.0, 1.0) * x[0]
+
+
+def test_events_of_a_forced_orbit_that_a_kink_displaces_are_in_doubt_and_say_where_it_is() -> None:
+    """Its mesh has no multiplier that is known to be 1: a PD had a label 0.0018 off."""
+
+    def spring(k: float) -> Any:
+        return lambda t, x, p: (x[1], np.cos(p["w"] * t) - 0.1 * x[1] - k * x[0])
+
+    above = cb.Flow(spring(5.0), until=lambda t, x, p: x[0])
+    pieces = above, cb.Flow(spring(1.0), until=lambda t, x, p: -x[0])
+    starts = (
+        cb.cycle(
+            flows, {"x": 0.1, "v": 0.5}, {"w": 1.0}, period=lambda p: 2 * np.pi / p["w"], settle=300
+        )
+        for flows in (pieces, bilinear)
+    )
+    exact, one = (
+        cb.trace(at, "w", within={"w": (0.9, 1.0)}, events=cb.period_doubling()) for at in starts
+    )
+    assert exact.first("PD")["w"] == pytest.approx(0.929005, abs=1e-6)
+    assert [at.kind for at in one.special] == ["EP", "EP"]
+    (place,) = one.doubtful
+    assert abs(place["w"] - exact.first("PD")["w"]) > 1e-3
+    assert "the field or its derivative jumps at t = " in place.detail["reason"]
+    assert "as a Flow with `until`" in place.detail["reason"]
+
+
+@pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3, 1e-4, 0.0])
+def test_a_kink_is_what_no_halving_of_the_time_resolves(width: float) -> None:
+    def motion(t: Any) -> Any:
+        return np.array([np.cos(t), -np.sin(t)])
+
+    def field(t: Any, x: Any, p: Any) -> Any:
+        return x[1], np.hypot(x[0] - 0.3, width)
+
+    found = kink(field, motion, np.linspace(0.0, 2 * np.pi, 81), {})
+    assert (found is None) == (width > 1e-3)
+    if found is not None:
+        assert found[1][0] == pytest.approx(0.3, abs=1e-3)
