@@ -58,7 +58,7 @@ def begun_later(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, .
     without forcing from where it is in phase with the first orbit."""
     flows, written = equations.flows, []
     if equations.smooth and equations.autonomous:
-        return () if moves(flows[0]) else _in_phase(equations, x, p)
+        return _in_phase(equations, x, p)
     if equations.smooth:
         later = [] if moves(flows[0]) else range(1, equations.turns)
     else:
@@ -95,9 +95,10 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
         return states if reset is None else values(reset, flight.last, states, p)
 
     def motion(t: Array) -> Array:
-        past = t < start
-        states = states_along([flight], np.where(past, t + period, t))
-        states[:, past] = before(states[:, past])
+        past = np.maximum(np.ceil((start - t) / period), 0)
+        states = states_along([flight], t + past * period)
+        for i in range(int(past.max())):
+            states[:, past > i] = before(states[:, past > i])
         return states
 
     def begun(t: float) -> Array:
@@ -105,16 +106,22 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
         written = equations.unknowns([replace(piece, start=start)], p)
         return np.concatenate([*map(np.ravel, written.values())])
 
-    # with each of the intervals of the round before, up to the present beginning
-    laps, at = np.vstack([before(x[nodes].T).T, x[nodes]]), np.append(0.0, x[knots])
-    steps, off, later = np.tile(np.diff(at, append=1.0), 2), np.empty(count + 1), x.copy()
-    for k in range(count + 1):
+    rounds, near = [x[nodes]], _REPEATS * equations.sizes[0].max()
+    for _ in range(RETURNS):  # back to where a mirror has led to itself
+        rounds.insert(0, before(rounds[0].T).T)
+        if not moves(equations.flows[0]) or abs(rounds[0] - rounds[-1]).max() <= near:
+            break
+    # with each of the intervals of the rounds before, up to the present beginning
+    laps, past, at = np.vstack(rounds), len(rounds) - 1, np.append(0.0, x[knots])
+    steps, off = np.tile(np.diff(at, append=1.0), past + 1), np.empty(past * count + 1)
+    later = x.copy()
+    for k in range(off.size):
         later[nodes], later[knots] = laps[k : k + count], np.cumsum(steps[k : k + count - 1])
         off[k] = equations.out_of_phase(later)
     # in phase this rises through zero, and half a turn later it falls
     rises, written = np.diff(off), list[Array]()
     for i in np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0)):
-        guess = start + period * (at[i] - off[i] / rises[i] * steps[i] - 1)
+        guess = start + period * (i // count - past + at[i % count] - off[i] / rises[i] * steps[i])
         nearby = guess + 0.1 * period * steps[i]
         found = newton(lambda t: equations.out_of_phase(begun(t)), guess, x1=nearby, disp=False)
         written.append(begun(found))

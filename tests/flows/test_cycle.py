@@ -959,30 +959,49 @@ def test_folds_go_on_where_their_first_orbit_measures_no_phase_any_more() -> Non
     assert not line.doubtful
 
 
-def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase(tmp_path) -> None:
-    """(a, b) = e^it (cos s, sin s) at p = sin 2s: half a round in s turns the orbit by half its
-    period, and on the way it has nothing in common with that at which the branch began."""
+def _around(turn, half):
+    """(a, b) = e^it (cos s, sin s), s' = turn(cos 2s, sin 2s, p): half a round in s turns an orbit
+    by half its period, and on the way it has nothing in common with that at which it began."""
 
     def led(t, x, p):
-        a, b = x[:2], x[2:]
-        across, along = a[0] * a[0] + a[1] * a[1] - b[0] * b[0] - b[1] * b[1], 2 * (a * b).sum(0)
-        out = 1 - (x * x).sum(0)
-        aside = 2 * (a[1] * b[0] - a[0] * b[1])  # 0 on all of them
-        c, d, s = aside * across, aside * along, p["p"] - along
-        turn = [out * a[0] - a[1] - s * b[0] - c * b[1] + d * a[1]]
-        turn += [out * a[1] + a[0] - s * b[1] + c * b[0] - d * a[0]]
-        turn += [out * b[0] - b[1] + s * a[0] - c * a[1] - d * b[1]]
-        return [*turn, out * b[1] + b[0] + s * a[1] + c * a[0] + d * b[0]]
+        (a, c), (b, d) = x[:2], x[2:]
+        off, out = c * b - a * d, 1 - (x * x).sum(0)  # 0 on all of them
+        s = turn(a * a + c * c - b * b - d * d, 2 * (a * b + c * d), p)
+        here = [out * a - c - s * b + off * d, out * c + a - s * d - off * b]
+        return [*here, out * b - d + s * a - off * c, out * d + b + s * c + off * a]
 
-    start = cb.cycle(led, {"a": [0.9, 0.0], "b": [0.3, 0.0]}, {"p": 0.5}, settle=100)
-    window = {"p": (-2, 2)}
+    return cb.Flow(led, reset=lambda t, x, p: [-y for y in x]) if half else led
+
+
+AROUND = {"a": [0.9, 0.0], "b": [0.3, 0.0]}
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase(
+    tmp_path, half: bool
+) -> None:
+    flow, window = _around(lambda across, along, p: p["p"] - along, half), {"p": (-2, 2)}
+    start = cb.cycle(flow, AROUND, {"p": 0.5}, settle=100)
     branch = cb.trace(start, "p", within=window)
     assert branch.stop is cb.continuation.Stop.CLOSED
     assert [(at.kind, round(at["p"], 9)) for at in branch.special] == [("LP", -1.0), ("LP", 1.0)]
-    half = cb.trace(start, "p", within=window, steps=cb.Steps(most=50), towards="up")
-    cb.save(tmp_path / "half.nc", half)
-    rest = cb.extend(cb.load(tmp_path / "half.nc", problem=start), end="last", steps=cb.Steps())
+    part = cb.trace(start, "p", within=window, steps=cb.Steps(most=50), towards="up")
+    cb.save(tmp_path / "part.nc", part)
+    rest = cb.extend(cb.load(tmp_path / "part.nc", problem=start), end="last", steps=cb.Steps())
     assert rest.stop is cb.continuation.Stop.CLOSED
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_folds_close_where_they_come_back_to_their_first_orbit_in_another_phase(half: bool) -> None:
+    """p cos 2s + q sin 2s = 1 has two solutions s outside of a circle."""
+    flow = _around(lambda across, along, p: 1 - p["p"] * across - p["q"] * along, half)
+    start = cb.cycle(flow, AROUND, {"p": 1.5, "q": 0.2}, settle=100)
+    fold = cb.trace(start, "p", within={"p": (0, 2)}).first("LP")
+    line = cb.boundary(fold, ("q", "p"), within={"q": (-2, 2)})
+    assert line.stop is cb.continuation.Stop.CLOSED
+    assert abs(np.hypot(line["p"], line["q"]) - 1).max() < 1e-12
+    once = np.ptp(np.unwrap(np.arctan2(line["p"], line["q"])))
+    assert once == pytest.approx(2 * np.pi, abs=1e-9)
 
 
 def test_arms_close_where_they_come_back_to_their_branch_point_in_another_phase() -> None:

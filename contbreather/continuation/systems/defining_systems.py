@@ -366,6 +366,19 @@ class ExtendedProblem(Problem):
         curve, z = self.beneath(x, params, ())
         return curve.problem.modulo(z[: curve.size], curve.params(z))
 
+    def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
+        (curve, z), written = self.beneath(x, params, ()), list[Array]()
+        extra, event = self.residual.locus.extra, self.residual.event
+        for place in curve.problem.phases(z[: curve.size], curve.params(z)):
+            if any(map(np.ndim, extra.values())) and event and event.locus:
+                # of null vectors in this phase, too, which may come back with the other sign
+                own = event.locus(Point(curve, np.append(place, z[curve.size :]))).extra
+                null = np.concatenate([*map(np.ravel, own.values())])
+                written += [np.concatenate([place, way * null, x[-1:]]) for way in (1, -1)]
+            else:
+                written.append(np.append(place, x[self.residual.n :]))
+        return tuple(written)
+
     def unresolved(self, point: Point, on: str = "") -> str:
         event, base = self.residual.event, point.base_point
         return base.problem.unresolved(base, event.kind if event else "")
