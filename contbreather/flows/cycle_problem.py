@@ -191,10 +191,15 @@ class Cycle(HtmlRepr):
         return bool(self.equations.givens)
 
     @cached_property
+    def _factors(self) -> Array:
+        """Map small perturbations of a smooth flow over each interval."""
+        (factors,), _ = around(self.equations, self.x, self.params)
+        return factors
+
+    @cached_property
     def monodromy(self) -> Array:
         """Matrix that takes small perturbations of a smooth flow once around."""
-        (factors,), _ = around(self.equations, self.x, self.params)
-        return reduce(np.matmul, factors[::-1])
+        return reduce(np.matmul, self._factors[::-1])
 
     @cached_property
     def index_form(self) -> tuple[Array, Array | None]:
@@ -205,7 +210,8 @@ class Cycle(HtmlRepr):
         assert kept is not None
         J, M = kept.poisson(self.equations.flows[0].f, states, self.params), self.monodromy
         form = None if J is None else np.linalg.inv(J) @ M
-        return (M + np.linalg.inv(M)) / 2, None if form is None else (form + form.T) / 2
+        back = reduce(np.matmul, np.linalg.inv(self._factors))  # that of M may be lost to rounding
+        return (M + back) / 2, None if form is None else (form + form.T) / 2
 
     @cached_property
     def indices(self) -> NDArray[np.complex128]:

@@ -615,3 +615,21 @@ def test_a_pair_that_touches_minus_one_with_two_eigenvectors_is_no_period_doubli
     assert turns.min() < 1 < 3 < turns.max()
     assert not [at for at in [*branch.special, *branch.doubtful] if at.kind == "PD"]
     assert [at.kind for at in branch.special] == ["EP", "EP"]
+
+
+def test_multipliers_may_be_larger_than_rounding_is_small() -> None:
+    """Beside x'' = -x^3 another state runs away as exp(k t): its multiplier is 5e38 in the end."""
+
+    def quantity(x, p):
+        return (x[2] ** 2 + x[3] ** 2 - (p["k"] * x[1]) ** 2) / 2 + x[0] ** 4 / 4
+
+    def flow(t, x, p):
+        return [x[2], x[3], -(x[0] ** 3), p["k"] ** 2 * x[1]]
+
+    start = {"x": 1.0, "y": 0.0, "u": 0.0, "v": 0.0}
+    branch = cb.trace(
+        cb.cycle(flow, start, {"k": 1.0}, conserves=quantity), "k", within={"k": (1, 12)}
+    )
+    assert [point.kind for point in branch.special] == ["EP", "EP"]
+    assert branch[-1]["k"] == 12
+    assert not branch.doubtful
