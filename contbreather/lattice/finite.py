@@ -305,7 +305,10 @@ def _matrix(stiffness: Any) -> FloatArray:
     except (TypeError, ValueError, OverflowError) as error:
         raise BadInput(f"the stiffness is not a matrix of numbers: {error}.") from error
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1] or not matrix.size:
-        raise BadInput(f"the stiffness has shape {matrix.shape}; a square matrix is expected.")
+        raise BadInput(
+            f"the stiffness has shape {matrix.shape}; a square matrix is expected, of a graph "
+            "Lattice.from_graph(graph)."
+        )
     if not np.isfinite(matrix).all():
         i, j = np.argwhere(~np.isfinite(matrix))[0]
         raise BadInput(f"stiffness[{i}, {j}] = {matrix[i, j]} is not finite.")
@@ -416,7 +419,7 @@ def finite(lattice: Any) -> Finite:
     if isinstance(lattice, type) or not known:
         raise BadInput(
             f"lattice = {lattice!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) "
-            "or Lattice(stiffness)."
+            "Lattice(stiffness) or Lattice.from_graph(graph)."
         )
     checked: Finite = lattice
     return checked

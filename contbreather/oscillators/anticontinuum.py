@@ -31,6 +31,7 @@ from ..flows.several_starts import cycles
 from .oscillator_lattice import SHARE, Bounce, Oscillators, WallDistance, between_walls
 
 _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is looked for
+_CLOSER = 3  # times as close as 1/20 where these end: to 2e-6 of the amplitude
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
 _ESCAPED = 10.0  # relative to the same
@@ -90,10 +91,21 @@ class SingleOscillator:
         squares = 2 * (level[:, None] - self(u)) / (half[:, None] * np.sin(_NODES)) ** 2
         return np.asarray((1 / np.sqrt(squares)).mean(axis=1) * math.pi)
 
+    def known(self, sign: float) -> tuple[Array, Array]:
+        """Amplitudes on one side and half periods, the closer together the nearer to where there
+        are none, as a separatrix, at which they grow without bound."""
+        a, halves = _AMPLITUDES, self.half_periods(_AMPLITUDES, sign)
+        for _ in range(_CLOSER):
+            ends = np.flatnonzero(np.diff(np.isfinite(halves)))
+            a = np.union1d(a, np.linspace(a[ends], a[ends + 1], 20))
+            halves = self.half_periods(a, sign)
+        return a, halves
+
     def amplitudes(self, omega: float, sign: float) -> list[float]:
         """All amplitudes on one side at which it has a frequency, the smallest first: to a part in
         ten thousand, as the equations of an orbit are solved after it."""
-        a, over = _AMPLITUDES, self.half_periods(_AMPLITUDES, sign) - math.pi / omega
+        a, halves = self.known(sign)
+        over = halves - math.pi / omega
         with np.errstate(invalid="ignore"):
             at = np.flatnonzero(over[:-1] * over[1:] <= 0)
         slopes = (over[at + 1] - over[at]) / (a[at + 1] - a[at])
@@ -103,7 +115,7 @@ class SingleOscillator:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
         others that which is nearest."""
         sign = math.copysign(1.0, code)
-        known = math.pi / self.half_periods(_AMPLITUDES, sign)
+        known = math.pi / self.known(sign)[1]
         if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         if found := self.amplitudes(omega, sign):

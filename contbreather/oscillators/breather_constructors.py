@@ -182,16 +182,17 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
         flows, flights, share = start
         equations, at = discretised(chain, flows, flights), {**params, SHARE: share}
         first: Any = BreatherProblem.of(equations, at, (), "")
-        try:
-            first, _ = first.solve(tolerance=1e-11)
-        except NotConverged as error:
-            raise NoSolution(
-                f"{code}: without coupling it cannot be continued; {resonance(chain, omega, at)[0]}"
-            ) from error
         ends = (replace(fold(), ends="branch"),)
         # of several that impact, first as far as to tell their order
         upto = LITTLE if chain.walls and len(code) > 1 and share < LITTLE else 1.0
-        branch = trace(first, SHARE, within={SHARE: (0.0, upto)}, towards="up", events=ends)
+        try:
+            first, _ = first.solve(tolerance=1e-11)
+            branch = trace(first, SHARE, within={SHARE: (0.0, upto)}, towards="up", events=ends)
+        except (BadInput, NotConverged) as error:
+            raise NoSolution(
+                f"{code}: without coupling it cannot be continued on as many intervals, of which "
+                f"collocation= takes more; {resonance(chain, omega, at)[0]}"
+            ) from error
         last: Any = branch[-1]
         start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
         if start is None and last[SHARE] == 1.0:

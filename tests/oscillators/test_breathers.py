@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
+from scipy.special import ellipk
 
 import contbreather as cb
 from contbreather.continuation.curve.branch import Stop
@@ -44,6 +46,18 @@ def test_amplitudes_energies_and_multipliers_are_those_of_shooting(
     assert orbit.energy == pytest.approx(energy, abs=1e-9)
     assert orbit.largest == pytest.approx(largest, abs=1e-9)
     assert orbit.unstable == unstable
+
+
+def test_a_slow_single_oscillator_is_found_next_to_its_separatrix() -> None:
+    """A pendulum: sin(a / 2)^2 = m, where 2 K(m) is half of its period. Of Morse's oscillator it is
+    the coupling that is at fault: harmonic 2 is the frequency of those at rest."""
+    m = brentq(lambda m: 2 * ellipk(m) - np.pi / 0.23, 0.5, 1 - 1e-9)
+    pendula = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(3))
+    orbit = cb.breather(pendula, {1: 1}, omega=0.23, params={"c": 0.0}).solution
+    assert orbit.displacement(1, 0.0) == pytest.approx(2 * np.arcsin(np.sqrt(m)), abs=1e-9)
+    morse = cb.Oscillators(V="(1 - exp(-u))**2/2", W=LINEAR, lattice=cb.OpenChain(5))
+    with pytest.raises(cb.NoSolution, match="harmonic 2, 1, lies in the band"):
+        cb.breather(morse, {2: 1}, omega=0.5, params={"c": 0.05})
 
 
 @pytest.mark.parametrize("code", [{2: 1}, {2: 1, 3: -1}])
