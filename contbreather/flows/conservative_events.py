@@ -126,9 +126,10 @@ def _signed(
     return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 
 
-def _nearest_two(point: Point) -> tuple[float, float]:
+def _nearest_two(point: Point, known: float | None = None) -> tuple[float, float]:
     """Square of the distance of the nearest two indices that may leave the real axis together, less
-    than zero where an odd number of twos has left it; and what is halfway between them."""
+    than zero where an odd number of twos has left it; and what is halfway between them. Along a
+    curve, where that is `known`, those two, however close others are."""
     indices, matrix, form, _ = point.base_point.solution.passing
     on, signs = _signed(indices, matrix, form) if indices.size > 1 else (np.empty(0), np.empty(0))
     i, j = np.triu_indices(on.size, 1)
@@ -143,14 +144,18 @@ def _nearest_two(point: Point) -> tuple[float, float]:
     if not squares.size:
         return math.nan, math.nan
     middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
+    if known is not None:
+        k = (squares + (middles - known) ** 2).argmin()
+        return float(squares[k] if k < may.sum() else -squares[k]), max(-1.0, min(middles[k], 1.0))
     return float((-1) ** left.size * squares[k]), max(-1.0, min(middles[k], 1.0))
 
 
-def _meeting(point: Point) -> tuple[float, float]:
+def _meeting(point: Point, *angle: float) -> tuple[float, float]:
     """Find that square, and the angle at which multipliers of the whole orbit are; where those of
     half of it pass i it passes pi, at which curves of collisions go on."""
-    square, middle = _nearest_two(point)
-    return square, point.base_point.solution.passing[-1] * math.acos(middle)
+    turns = point.base_point.solution.passing[-1]
+    square, middle = _nearest_two(point, *(math.cos(each / turns) for each in angle))
+    return square, turns * math.acos(middle)
 
 
 def _in_order(point: Point) -> Array:
@@ -221,14 +226,16 @@ def followed(test: Callable[[Point], Any], point: Point) -> DefiningSystem:
 
 def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
     """Evaluate it at the nearest orbit, so that across solutions nothing changes."""
-    return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]))) - np.append(0.0, extra)
+    return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]), *extra)) - np.append(0.0, extra)
 
 
 def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
     (ways, nearest), units = _beside(curve, z), np.sqrt(curve.metric)
     # what solutions are off their tangents cancels, as it is the same ahead and behind
     places = (nearest + sign * STEP * way / units for sign in (1, -1) for way in ways)
-    ahead, behind = np.split(np.array([np.atleast_1d(test(Point(curve, at))) for at in places]), 2)
+    ahead, behind = np.split(
+        np.array([np.atleast_1d(test(Point(curve, at), *extra)) for at in places]), 2
+    )
     slopes = (ahead - behind).T / (2 * STEP) @ (ways * units)
     return np.hstack([slopes, -np.eye(1 + extra.size)[:, 1:]])
 

@@ -339,3 +339,25 @@ def test_of_orbits_that_are_not_taken_as_half_pd_is_switched_at_as_well() -> Non
         assert arm[0]["omega"] == pytest.approx(point["omega"] / 2, abs=1e-8)
         ends.append([arm[-1][name] for name in ("omega", "energy", "max|u|")])
     np.testing.assert_allclose(*ends, atol=1e-6)
+
+
+def test_curves_of_kc_keep_to_their_own_two_pairs() -> None:
+    """Next to others that are closer to each other than these two a step to the side."""
+    bonds = np.eye(10)[1:] - np.eye(10)[:-1]
+    stiffness = bonds.T @ np.diag([0.5, 1.0] * 4 + [0.5]) @ bonds
+    lattice = cb.Lattice(stiffness, masses=[1.6, 1.0] * 5)
+    potentials = {"V": "u**2/2 + u**4/4 - u**3/5", "W": "c*r**2/2 + 0.02*r**4/4"}
+    chain = cb.Oscillators(**potentials, lattice=lattice)
+    start = cb.breather(chain, {4: 1, 5: 1}, omega=1.688, params={"c": 0.22})
+    branch = cb.trace(start, "c", within={"c": (0.22, 0.24)}, towards="up")
+    within = {"c": (0.23, 0.24), "omega": (1.6, 1.75)}
+    curve = cb.boundary(branch.first("KC"), ("c", "omega"), within=within)
+    assert [point.kind for point in curve.special] == ["EP", "EP"]
+    for point in (curve[0], curve[-1]):
+        orbit = point.solution
+        x = np.append([orbit.displacement(n, 0.0) for n in range(10)], np.zeros(10))
+        steps, period = 1e-5 * np.eye(20), 2 * np.pi / point["omega"]
+        ends = [chain.run((0, period), x + s, point.params).y[:, -1] for s in (*steps, *-steps)]
+        mu = np.linalg.eigvals((np.array(ends[:20]) - ends[20:]).T / 2e-5)
+        meeting = np.sort(abs(mu - np.exp(1j * point["angle"])))
+        assert meeting[1] < 1e-4 < 1e-2 < meeting[2]
