@@ -418,7 +418,7 @@ def finite(lattice: Any) -> Finite:
     known = getattr(lattice, "sites", None) is not None and hasattr(lattice, "basis")
     if isinstance(lattice, type) or not known:
         raise BadInput(
-            f"lattice = {lattice!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5) "
+            f"lattice = {lattice!r}: a finite one is expected, Ring(20), OpenChain(9), Grid(5, 5), "
             "Lattice(stiffness) or Lattice.from_graph(graph)."
         )
     checked: Finite = lattice

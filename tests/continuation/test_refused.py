@@ -242,7 +242,7 @@ GIVEN: list[Row] = [
         )
     ),
     # events
-    (line, (), {"events": 3}, "events must be a list of them, got 3"),
+    (line, (), {"events": 3}, "an Event was expected, fold() for instance, got 3"),
     (line, (), {"events": "PF"}, r"an Event was expected, fold\(\) for instance, got 'PF'"),
     (line, (), {"events": [cb.fold]},  # not called
      r"an Event was expected, fold\(\) for instance, got <function fold"),

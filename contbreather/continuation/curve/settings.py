@@ -138,7 +138,7 @@ def all_of(events: Event | Iterable[Event] | None) -> tuple[Event, ...] | None:
     try:
         several = (events,) if isinstance(events, Event | str) else tuple(events)
     except TypeError as error:
-        raise BadInput(f"events must be a list of them, got {events!r}") from error
+        raise BadInput(f"an Event was expected, fold() for instance, got {events!r}") from error
     for event in several:
         if not isinstance(event, Event):
             raise BadInput(f"an Event was expected, fold() for instance, got {event!r}")
