@@ -28,6 +28,12 @@ def branch() -> cb.Branch:
 # --- branches ---------------------------------------------------------------------------------
 
 
+def test_what_a_point_has_is_in_it(branch: cb.Branch) -> None:
+    fold = branch.first("LP")
+    assert all(name in fold for name in ("x", "mu", "slope", *fold.detail))
+    assert "y" not in fold
+
+
 def test_columns_are_parameters_records_arclength_and_unknowns(branch: cb.Branch) -> None:
     assert branch.names == ("mu", "h", "slope", "arclength", "residual", "x")
     for name in branch.names:

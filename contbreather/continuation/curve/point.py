@@ -104,6 +104,13 @@ class Point(HtmlRepr):
             return self.detail[bare]
         raise BadInput(f"no {name!r} at this point; it has {[*problem.listed, *problem.record]}")
 
+    def __contains__(self, name: object) -> bool:
+        try:
+            self[name]  # type: ignore[index]
+        except BadInput:
+            return False
+        return True
+
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""
         names = [*self.curve.problem.listed, *self.curve.problem.record]
