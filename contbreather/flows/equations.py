@@ -275,15 +275,13 @@ class FlowEquations:
         place = self._latest.get(key)
         if place is None or place.error > error:
             moving, flights = self._begun(x, p)
-            near = self._near(moving)
-            try:
+            if known := self.orbits.get(key):  # from far off slopes inside have other roots
+                flights, error = known.flights, ROUNDING
+            else:
+                near = self._near(moving)
                 for i, flow in enumerate(self.flows):
                     guess = self._guess(i, flights[i], p, moving, *near) if near else None
                     flights[i] = flown(flow, flights[i], p, self._units[i], guess, error)
-            except Undefined:  # begun from far off
-                if key not in self.orbits:
-                    raise
-                flights = self.orbits[key].flights
             place = SolvedPlace(moving, dict(p), tuple(flights), error)
         self._latest.pop(key, None)
         while len(self._latest) >= 16:  # are kept, to begin from the nearest

@@ -535,3 +535,34 @@ def test_a_kink_is_what_no_halving_of_the_time_resolves(width: float) -> None:
     assert (found is None) == (width > 1e-3)
     if found is not None:
         assert found[1][0] == pytest.approx(0.3, abs=1e-3)
+
+
+def test_a_branch_sets_out_both_ways_from_a_start_far_from_where_it_was_last() -> None:
+    """Cells that divide (Novak and Tyson), with one fast state: from slopes far off those inside
+    an interval of the start have another root. Its period is by `solve_ivp`."""
+
+    def rates(t, x, p):
+        X, Y, A, m = x
+        make = (1 + 10 * A) * (1 - Y) / (1.04 - Y) - 35 * m * X * Y / (0.04 + Y)
+        fourth = (m * X) ** 4
+        more = 0.005 + 0.2 * fourth / (0.3**4 + fourth) - 0.1 * A
+        return [0.04 - (0.04 + Y) * X, make, more, 0.005 * m * (1 - m / 10)]
+
+    def split(t, x, p):
+        return [*x[:3], p["share"] * x[3]]
+
+    grows = cb.Flow(rates, until=lambda t, x, p: 0.2 - x[0])
+    divides = cb.Flow(rates, until=lambda t, x, p: x[0] - 0.1, reset=split)
+    begin, mesh = {"X": 0.0999999, "Y": 0.67, "A": 0.5, "m": 0.4}, Collocation(120, 12)
+    cells = cb.cycle([grows, divides], begin, {"share": 0.5}, settle=200, collocation=mesh)
+    branch = cb.trace(cells, "share", within={"share": (0.2, 0.501)})
+    assert branch["share"][[0, -1]].tolist() == [0.2, 0.501]
+
+    state, t = branch[-1].solution.states(0.0).copy(), 0.0
+    for gate, way in ((0.2, 1), (0.1, -1)):
+        at = partial(lambda t, x, gate: x[0] - gate, gate=gate)
+        at.terminal, at.direction = True, way
+        leg = partial(rates, p={})
+        run = solve_ivp(leg, (t, 500), state, "LSODA", rtol=1e-11, atol=1e-13, events=at)
+        state, t = run.y[:, -1], run.t[-1]
+    assert t == pytest.approx(branch[-1]["period"], rel=1e-7)
