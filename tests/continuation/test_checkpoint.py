@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -150,6 +151,14 @@ def test_interrupted_work_is_kept(tmp_path: Path) -> None:
     with pytest.raises(Interrupted) as caught:
         cb.trace(own, "mu", within={"mu": (0.5, 2.0)}, save=tmp_path / "run.nc")
     assert repr(cb.load(tmp_path / "run.nc")) == repr(caught.value.partial)
+
+
+def test_a_walk_is_kept_though_a_recorded_column_of_it_raises(tmp_path: Path) -> None:
+    own = replace(parabola(), record={"inverse": lambda point: 1 / 0})
+    with pytest.raises(ZeroDivisionError):
+        cb.trace(own, "mu", within={"x": (-1, 1.5)}, save=tmp_path / "run.nc")
+    walked = cb.trace(parabola(), "mu", within={"x": (-1, 1.5)})
+    np.testing.assert_array_equal(cb.load(tmp_path / "run.nc")["mu"], walked["mu"])
 
 
 def test_place_that_cannot_be_written_is_refused_before_anything_is_computed(tmp_path: Path):

@@ -85,9 +85,14 @@ class Checkpoint:
         self.due = max(self.soonest, end + EVERY)
 
     def finish(self, result: Any) -> None:
-        """Write it now; where there is no room for it, `NotKept` has the result."""
+        """Write it now, without recorded columns before one that raises does; where there is no
+        room for it, `NotKept` has the result."""
         try:
-            self._write(result, recorded=None)
+            try:
+                self._write(result, recorded=None)
+            except Exception:
+                self._write(result, recorded=False)
+                raise
         except BadInput as error:
             raise NotKept(str(error), result) from error
 
