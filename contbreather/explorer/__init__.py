@@ -116,12 +116,19 @@ def server_for(
 
     # that a page was closed, or loaded again, while something was sent to it is no trouble
     logging.getLogger("bokeh.server.views.ws").setLevel(logging.ERROR)
+    logging.getLogger("asyncio").addFilter(_of_no_closed_page)
     server = panel.io.server.get_server(
         {"/": lambda: in_template(explorer)}, port=port, address=address, start=False, show=False,
         websocket_origin=hosts, title="contbreather explorer", verbose=False,
     )  # fmt: skip
     _by_no_other_name(server._tornado, hosts)
     return server, f"http://{LOOPBACK if address == LOOPBACK else address}:{port}/"
+
+
+def _of_no_closed_page(record: logging.LogRecord) -> bool:
+    from tornado.websocket import WebSocketClosedError
+
+    return not (record.exc_info and isinstance(record.exc_info[1], WebSocketClosedError))
 
 
 def _by_no_other_name(application: Any, hosts: Sequence[str]) -> None:

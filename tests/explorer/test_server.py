@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
 import os
 import re
 import signal
@@ -17,9 +19,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from tornado.websocket import WebSocketClosedError
 
 from contbreather.errors import BadInput
-from contbreather.explorer import server_for
+from contbreather.explorer import Session, server_for
 
 from ..apart import HUNG, begun
 from ..typed import Run
@@ -168,6 +171,22 @@ def test_a_port_that_is_taken_is_refused(run: Run) -> None:
     assert (status, out) == (2, "")
     assert re.fullmatch(r"contbreather: cannot listen at 127\.0\.0\.1, port \d+: .*\n", err)
     assert "choose another port" in err
+
+
+def test_a_page_that_is_closed_while_it_is_written_to_is_no_trouble(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    async def write(error: Exception) -> None:
+        raise error
+
+    async def forgotten(*errors: Exception) -> None:
+        tasks = [asyncio.create_task(write(error)) for error in errors]
+        await asyncio.wait(tasks)
+
+    server_for(Session())[0].stop()
+    asyncio.run(forgotten(WebSocketClosedError(), OSError("something else")))
+    gc.collect()
+    assert [record.exc_info[0] for record in caplog.records if record.exc_info] == [OSError]
 
 
 def test_without_panel_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
