@@ -64,10 +64,11 @@ def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
 
 
 def _title(words: str, letters: int) -> str:
-    """Break words into lines, at least two: of a title that has more of them than the one before
-    Bokeh leaves the old one behind it."""
-    lines = wrap(words, letters, max_lines=3, placeholder=" \N{HORIZONTAL ELLIPSIS}") or [""]
-    return "\n".join(lines if lines[1:] else ("", *lines))
+    """Break words into lines, not within "k = 0.8", at least two: of a title that has more of them
+    than the one before Bokeh leaves the old one behind it."""
+    tied = words.replace(" = ", "\xa0=\xa0")
+    lines = wrap(tied, letters, max_lines=3, placeholder=" \N{HORIZONTAL ELLIPSIS}") or [""]
+    return "\n".join(lines if lines[1:] else ("", *lines)).replace("\xa0", " ")
 
 
 def letter(name: str) -> str:

@@ -92,6 +92,12 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> No
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
+def test_a_long_title_is_not_broken_within_a_value() -> None:
+    words = "open chain with free ends, 5 sites, damping = 0.02, k = 0.8"
+    lines = views._title(words, views.WIDE).split("\n")
+    assert (" ".join(lines), lines[1]) == (words, "k = 0.8")
+
+
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
     doubtful = tuple(replace(p, located=False) if p.kind == "PF" else p for p in branch)
     view = views.BranchView(DARK)
