@@ -25,6 +25,7 @@ follow_imports = silent
 follow_imports = skip
 follow_imports_for_stubs = true
 """
+IMPORTS = "import contbreather as cb\nimport numpy as np\nfrom numpy.typing import NDArray\n"
 STORY = """
 b = cb.symmetric(a=0.5, gamma=0.08, k=0.8)
 branch: cb.Branch = cb.trace(b, "a", within={"a": (0.05, 1.2)}, towards="both")
@@ -34,6 +35,19 @@ arms: tuple[cb.Branch, ...] = cb.switch(point)
 verdict: bool | None = b.stability().stable
 proof: bool | None = b.certify().exists
 covered = cb.certified.certify(branch).covered[0].low
+
+
+def square(x: NDArray[np.float64], p: dict[str, float]) -> list[float]:
+    return [p["mu"] - x[0] ** 2]
+
+
+def area(p: dict[str, float]) -> float:
+    return p["side"] ** 2
+
+
+tied = cb.Problem(square, {"x": 1.0}, {"mu": 1.0}).tied({"mu": area}, side=1.0)
+mapped = cb.FixedPoint(square, {"x": 1.0}, {"mu": 1.0}, jacobian=square)
+cycle = cb.cycle(lambda t, x, p: x, {"x": 1.0}, {"side": 1.0}, period=area)
 """
 
 
@@ -46,7 +60,7 @@ def test_a_user_s_script_sees_a_type_under_every_public_name(tmp_path: Path) -> 
         public += [f"{name}.{one}" for one in inner.__all__]
     shown = "".join(f"reveal_type(cb.{name})\n" for name in public)
     script = tmp_path / "script.py"
-    script.write_text(f"import contbreather as cb\n{STORY}{shown}", encoding="utf-8")
+    script.write_text(f"{IMPORTS}{STORY}{shown}", encoding="utf-8")
     # mypy finds what is installed by itself, a checkout on PYTHONPATH only if it is told
     env = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     if "site-packages" not in HOME.parts:

@@ -46,7 +46,7 @@ def cycle(
     start: Mapping[str, Any] | tuple[Any, Any],
     params: Mapping[str, float],
     *,
-    period: float | Callable[[Params], float] | None = None,
+    period: float | Callable[[Any], float] | None = None,
     conserves: Any = None,
     fixed: str = "period",
     jacobian: Any = None,

@@ -44,8 +44,8 @@ Wall = Function | tuple["Flow", ...]  # a function, or the flows of an orbit tha
 class Clock:
     """Condition ``(t, x, p)`` that ends a flow at a part of the period of a certain number."""
 
-    part: float | Callable[[Params], Any]
-    period: float | Callable[[Params], Any] | None = None
+    part: float | Callable[[Any], Any]
+    period: float | Callable[[Any], Any] | None = None
     number: int = 0
 
     def __call__(self, t: Any, x: Any, p: Params) -> Any:
@@ -128,9 +128,9 @@ class Flow:
     reset: Function | None = None
     walls: Any = ()  # then a tuple of Wall
     mass: Any = None
-    at: float | Callable[[Params], Any] | None = None
+    at: float | Callable[[Any], Any] | None = None
     jacobian: Any = None
-    ignore: float | Callable[[Params], Any] = 0.0
+    ignore: float | Callable[[Any], Any] = 0.0
 
     def __post_init__(self) -> None:
         keep = partial(object.__setattr__, self)
@@ -192,7 +192,7 @@ class Flow:
             flow, walls=[own if _guard(wall) == flow.until else wall for wall in self.walls]
         )
 
-    def timed(self, period: float | Callable[[Params], Any] | None) -> Flow:
+    def timed(self, period: float | Callable[[Any], Any] | None) -> Flow:
         """Give its clock, and those of its walls, the period of which they strike a part."""
         clock = self.until
         if isinstance(clock, Clock) and clock.period is None:

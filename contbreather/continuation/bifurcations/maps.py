@@ -32,7 +32,7 @@ from ..systems.spectrum import OUTSIDE, ROUNDING
 from .equilibria import fold
 from .multiplier_events import linked
 
-Map = Callable[[Array, Params], Array]
+Map = Callable[[Any, Any], Any]  # as `Residual` is
 
 
 def FixedPoint(
@@ -41,7 +41,7 @@ def FixedPoint(
     params: Params,
     *,
     period: int = 1,
-    jacobian: Callable[[Array, Params], Array] | None = None,
+    jacobian: Map | None = None,
     events: Iterable[Event] | None = None,
     record: Mapping[str, Callable[[Point], float]] | None = None,
     domain: Mapping[str, tuple[float, float]] | None = None,
@@ -122,7 +122,7 @@ class Iterate:
 
     map: Map
     period: int
-    derivative: Callable[[Array, Params], Array] | None = None
+    derivative: Map | None = None
 
     def __call__(self, x: Array, params: Params) -> Array:
         image = x

@@ -37,7 +37,7 @@ from ..algebra.walk_kernel import Pieces, Walker, at_a_place
 
 T = TypeVar("T")
 Params = Mapping[str, float]
-Residual = Callable[[Array, Params], Array]
+Residual = Callable[[Any, Any], Any]  # f(x, p) of an array and a dict, however these are annotated
 
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
 PASSED = 9  # latest places of a walk that say how large its equations are

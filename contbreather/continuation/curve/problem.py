@@ -331,9 +331,7 @@ class Problem(Structure):
         absent = tuple(name for name in names if isinstance(name, str) and name not in known)
         return self.with_parameters(absent) if absent else self
 
-    def tied(
-        self, functions: Mapping[str, Callable[[Params], float]], **values: float
-    ) -> TiedProblem:
+    def tied(self, functions: Mapping[str, Callable[[Any], float]], **values: float) -> TiedProblem:
         """Make parameters functions of others: the same equations in other parameters.
 
         Parameters
