@@ -15,6 +15,8 @@ import matplotlib as mpl
 import nbformat
 import numpy as np
 import pytest
+from IPython.core.completer import provisionalcompleter
+from IPython.core.interactiveshell import InteractiveShell
 from nbclient import NotebookClient
 
 import contbreather as cb
@@ -244,6 +246,18 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     assert float(outcomes.pop("share that returned")) == pytest.approx(basin.share, rel=1e-3)
     there = {outcome.words: str(np.sum(basin.outcome == outcome)) for outcome in sim.Outcome}
     assert outcomes == {outcome: count for outcome, count in there.items() if count != "0"}
+
+
+def test_names_in_brackets_are_completed_by_the_tab_key(values: dict[str, Any]) -> None:
+    shell = InteractiveShell()
+    for name, begun, whole in (
+        ("Branch", "asy", "asymmetry"), ("special Point", "gam", "gamma"),
+        ("Zones", "N", "NS"), ("results on disk", "bac", "back"),
+    ):  # fmt: skip
+        shell.user_ns["it"], typed = values[name], f'it["{begun}'
+        with provisionalcompleter():
+            found = shell.Completer.completions(typed, len(typed))
+            assert [one.text for one in found] == [whole]
 
 
 def test_of_a_long_table_the_first_rows_are_shown_and_the_rest_is_counted(without_pictures) -> None:

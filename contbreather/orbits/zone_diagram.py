@@ -114,6 +114,9 @@ class Zones(Columns, HtmlRepr):
             raise BadInput(f"no curves {kind!r}; there are {list(self.curves)}")
         return self.curves[kind]
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return [*self.curves]
+
     def columns(self) -> dict[str, Any]:
         """Columns of all curves, by their kind and the number of the piece; first where they
         are."""

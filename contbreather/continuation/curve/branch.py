@@ -257,6 +257,9 @@ class Branch(Columns, HtmlRepr):
         unknowns = [name for name in self.problem.names if name not in params]
         return (*parameters, *self.problem.record, "arclength", "residual", *unknowns)
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return [*self.names]
+
     @property
     def special(self) -> tuple[Point, ...]:
         """The labelled points, in order along the branch."""

@@ -111,6 +111,9 @@ class Point(HtmlRepr):
             return False
         return True
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return [*self.curve.problem.listed, *self.curve.problem.record, *self.detail]
+
     def table(self) -> Sheet:
         """Its numbers, and what was found here."""
         names = [*self.curve.problem.listed, *self.curve.problem.record]

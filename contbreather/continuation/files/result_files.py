@@ -102,6 +102,9 @@ class Run(HtmlRepr, Mapping[str, Any]):
         what = [getattr(r, "describe", r.__repr__)().strip("<>") for r in results]
         return Sheet([Column("name", list(self)), Column("what", what), Column("points", labels)])
 
+    def _ipython_key_completions_(self) -> list[str]:
+        return [*self]
+
     def __len__(self) -> int:
         return len(self._entries())
 
