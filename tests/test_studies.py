@@ -405,6 +405,7 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         (RING + "threshold = 1.01\n" + ONE + ARMS.format("b"),
          "line 3, chain.threshold: arms are judged by the paper's 1.005; leave threshold out"),
         (ONE + ATLAS + DRAWN.format("'z','b'", ""), "an atlas is drawn alone"),
+        (ONE + ZONES + DRAWN.format("'b','z'", ""), "draws: zones are drawn beside zones only"),
         ("[zones.z]\nk=2\n" + DRAWN.format("'y'", ""), "nothing is called 'y'; there are z"),
         (ZONES + DRAWN.format("'z'", "x='a'"), "line 5, figure.f.x: x and y are columns of branch"),
         (ATLAS + DRAWN.format("'z'", "y='a'"), "leave y out of a figure of atlas"),

@@ -452,6 +452,8 @@ def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
         drawn = {kinds[family] for family in families if family in kinds}
         if "atlas" in drawn and len(families) > 1:
             yield ("figure", name, "draws"), "an atlas is drawn alone"
+        elif "zones" in drawn and len(drawn) > 1:
+            yield ("figure", name, "draws"), "zones are drawn beside zones only"
         fit = {"over", "at"} if "atlas" in drawn else set() if "zones" in drawn else {"x", "y"}
         for key in sorted(figure.options.keys() - fit) if drawn else ():
             yield (
