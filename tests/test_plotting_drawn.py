@@ -503,3 +503,15 @@ def test_of_a_map_multipliers_are_drawn_which_cross_the_circle_where_it_doubles(
 def _dots(ax) -> tuple:
     lines = [line for line in ax.get_lines() if line.get_marker() == "."]
     return tuple(np.concatenate([line.get_data()[i] for line in lines]) for i in (0, 1))
+
+
+def test_unstable_branches_in_one_place_are_seen_to_be_dashed() -> None:
+    """The dashes of one would fill the gaps of the other, as a solid line."""
+    line = cb.Problem(lambda x, p: x, {"x": 0.0}, {"mu": 0.0}, record={"unstable": lambda p: 1})
+    along = [
+        cb.trace(line.at(mu=low), "mu", towards="up", within={"mu": (0, 1)})
+        for low in np.linspace(0.0, 0.05, 4)
+    ]
+    seen = painted(plots.plot(*along, colours=["black"] * len(along)).axes)
+    gaps = [min(seen(mu, 0.0)) > 0.5 for mu in np.linspace(0.2, 0.9, 500)]
+    assert 0.1 < np.mean(gaps) < 0.5

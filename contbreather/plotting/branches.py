@@ -89,17 +89,20 @@ def plot_branches(
         coloured = bool(groups) or colours is not None  # then colours say what they stand for
         styles: set[str] = set()
         marks: list[Marker] = []
+        paper = axes.get_facecolor()
         for i, (branch, points, colour) in enumerate(zip(branches, marked, shades, strict=True)):
             for side, name in enumerate(ordinates(branch, y)):
                 for style, *line in pieces(branch, x, name):
                     styles.add(style)
                     grey = style == UNKNOWN and not coloured
                     dot = "." * (len(branch) == 1)  # there is no line
-                    axes.plot(*line, style, color=GREY if grey else colour, marker=dot)
+                    # two dashed lines in one place would look solid: the upper one hides the lower
+                    over = {} if style == STABLE else {"gapcolor": paper, "zorder": 1.9}
+                    axes.plot(*line, style, color=GREY if grey else colour, marker=dot, **over)
                 its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
                 for mark in its:
                     kind, end = mark.point.kind, mark.point.kind == "EP"
-                    edge = {"EP": "none", "MX": colour}.get(kind, axes.get_facecolor())
+                    edge = {"EP": "none", "MX": colour}.get(kind, paper)
                     canvas.to_the_rim(axes.plot(
                         mark.x, mark.y, **canvas.marker_of(kind), color=GREY if end else colour,
                         markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
