@@ -90,7 +90,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: problem(scales={"x": math.inf}), r"scale of 'x' must be finite and positive"),
     (lambda: problem(scales={"y": 1.0}), r"no 'y' in this problem; it has \['x', 'mu'\]"),
     (lambda: cb.user(3, 0.1), r"user\(3, \.\.\.\): the name of an unknown or a parameter"),
-    (lambda: cb.user("mu", math.nan), r"value = nan: the level to stop at"),
+    (lambda: cb.user("mu", math.nan), r"value = nan: one level"),
     # maps
     (lambda: cb.FixedPoint(3.0, {"x": 0.6}, {"r": 2.5}), r"a map, and its jacobian, are functions"),
     (

@@ -95,8 +95,13 @@ class Cycle(HtmlRepr):
     params: Mapping[str, float]
 
     @cached_property
-    def flights(self) -> tuple[TrajectorySegment, ...]:
+    def own_flights(self) -> tuple[TrajectorySegment, ...]:
+        """Flights of its equations, which may be those of half of it."""
         return self.equations.flights(self.x, self.params)
+
+    @property
+    def flights(self) -> tuple[TrajectorySegment, ...]:
+        return self.own_flights
 
     @property
     def durations(self) -> Array:
@@ -269,8 +274,7 @@ class Cycle(HtmlRepr):
         """Put twice as many points into each interval of its equations."""
         if isinstance(self.equations, SparseFlowEquations):
             raise BadInput("errors are estimated for up to 40 states: compare with more intervals")
-        flights = self.equations.flights(self.x, self.params)
-        finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in flights)
+        finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in self.own_flights)
         return replace(self.equations, start=finer)
 
     @cached_property
@@ -406,7 +410,7 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         orbit = self.orbit(np.array(point.x), point.params)
         if self.keeps_solutions:
-            _ = orbit.flights  # which are kept with it
+            _ = orbit.own_flights  # which are kept with it
             self.residual.orbits[orbit.x.tobytes(), tuple(orbit.params.items())] = orbit
         return orbit
 

@@ -276,7 +276,7 @@ class FlowEquations:
         if place is None or place.error > error:
             moving, flights = self._begun(x, p)
             if known := self.orbits.get(key):  # from far off slopes inside have other roots
-                flights, error = known.flights, ROUNDING
+                flights, error = known.own_flights, ROUNDING
             else:
                 near = self._near(moving)
                 for i, flow in enumerate(self.flows):

@@ -286,7 +286,7 @@ class ReversibleBreather(Breather):
     @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         """The half, and the way back."""
-        (half,) = self.equations.flights(self.x, self.params)
+        (half,) = self.own_flights
         reversor = np.repeat([1.0, -1.0], self.chain.sites)
         ends = np.vstack([half.states[1:], half.end])
         knots = np.concatenate([0.5 * half.knots, 1 - 0.5 * half.knots[-2::-1]])

@@ -216,7 +216,7 @@ GIVEN: list[Row] = [
     *(
         (cb.diagram, (PITCHFORK.problem, "mu"), {"within": {}, name: 3}, words)
         for name, words in (
-            ("within", "windows by name"), ("events", "must be a list"), ("steps", "given as Steps")
+            ("within", "windows by name"), ("events", "an Event was expected"), ("steps", "given as Steps")
         )
     ),
     # a walk by hand, at once and not at its first point
@@ -242,7 +242,7 @@ GIVEN: list[Row] = [
         )
     ),
     # events
-    (line, (), {"events": 3}, "an Event was expected, fold() for instance, got 3"),
+    (line, (), {"events": 3}, "an Event was expected, fold\\(\\) for instance, got 3"),
     (line, (), {"events": "PF"}, r"an Event was expected, fold\(\) for instance, got 'PF'"),
     (line, (), {"events": [cb.fold]},  # not called
      r"an Event was expected, fold\(\) for instance, got <function fold"),

@@ -568,7 +568,7 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
 
     if not isinstance(name, str):
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was expected")
-    value = number("value", value, -1e300, 1e300, "the level to stop at")
+    value = number("value", value, -1e300, 1e300, "one level")
     level = Level(name, value)
     locus, ends = Always(DefiningSystem({}, level.conditions)), flag("terminal", terminal)
     return Event("UZ", level, locus=locus, ends="branch" if ends else "")
