@@ -207,6 +207,8 @@ def test_an_atlas_is_known_by_its_attribute(found: Any, run: Any) -> None:
     path = save_atlas("atlas.nc", found)
     with pytest.raises(cb.BadInput, match=r"atlas\.nc is an atlas: xarray\.open_dataset reads it"):
         cb.load(path)
+    cb.save("other.nc", cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.6, 0.7)}))
+    assert [*cb.Run(".")] == ["other"]
     whole = path.read_bytes()
     for damaged in (whole[:-1], whole[:500] + b"~" + whole[501:]):
         path.write_bytes(damaged)

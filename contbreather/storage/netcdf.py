@@ -410,6 +410,10 @@ def _content(group: h5py.Group) -> dict[str, Any]:
     return {"kind": str(about.pop("content")), **about, **{n: p for n, p in parts.items() if p}}
 
 
+class IsAtlas(BadInput):
+    """A file that xarray reads: in a folder of results it is passed over."""
+
+
 @contextmanager
 def checked_image(path: str | Path) -> Iterator[h5py.File]:
     """A file to read, once its checksum has shown that it is as it was written."""
@@ -420,7 +424,7 @@ def checked_image(path: str | Path) -> Iterator[h5py.File]:
         with h5py.File(file, "r") as root:
             about = {name: _plain(value) for name, value in _all(root.attrs)}
             if about.get("format") == ATLAS:
-                raise BadInput(
+                raise IsAtlas(
                     f"{path} is an atlas: xarray.open_dataset reads it, as does all that reads "
                     "netCDF; read here are branches, boundaries, diagrams, zones and runs"
                 )

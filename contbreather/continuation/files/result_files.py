@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ...errors import BadInput, ContbreatherError
 from ...files import named
-from ...storage.netcdf import check_names, read_file
+from ...storage.netcdf import IsAtlas, check_names, read_file
 from ...tables import Column, HtmlRepr, Sheet
 from ..branches import diagram  # noqa: F401 - enters diagrams
 from ..curve.point import Point
@@ -143,7 +143,12 @@ class Run(HtmlRepr, Mapping[str, Any]):
     def _entries(self) -> dict[str, Entry]:
         entries = {}
         for path in self.files:
-            results, alone = self.inside(path)
+            try:
+                results, alone = self.inside(path)
+            except IsAtlas:
+                if path == self.path:
+                    raise
+                continue
             for name, result in results.items():
                 key = name
                 if path != self.path:
