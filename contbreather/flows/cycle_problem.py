@@ -95,13 +95,13 @@ class Cycle(HtmlRepr):
     params: Mapping[str, float]
 
     @cached_property
-    def own_flights(self) -> tuple[TrajectorySegment, ...]:
-        """Flights of its equations, which may be those of half of it."""
+    def flights(self) -> tuple[TrajectorySegment, ...]:
         return self.equations.flights(self.x, self.params)
 
     @property
-    def flights(self) -> tuple[TrajectorySegment, ...]:
-        return self.own_flights
+    def own_flights(self) -> tuple[TrajectorySegment, ...]:
+        """Flights of its equations, which may be those of half of it."""
+        return self.flights
 
     @property
     def durations(self) -> Array:
@@ -410,7 +410,7 @@ class CycleProblem(Problem):
     def interpret(self, point: Point) -> Cycle:  # type: ignore[override]
         orbit = self.orbit(np.array(point.x), point.params)
         if self.keeps_solutions:
-            _ = orbit.own_flights  # which are kept with it
+            _ = orbit.flights  # which are kept with it
             self.residual.orbits[orbit.x.tobytes(), tuple(orbit.params.items())] = orbit
         return orbit
 

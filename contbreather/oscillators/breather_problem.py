@@ -284,6 +284,10 @@ class ReversibleBreather(Breather):
     mirror = None  # the other half is the way back
 
     @cached_property
+    def own_flights(self) -> tuple[TrajectorySegment, ...]:
+        return self.equations.flights(self.x, self.params)
+
+    @cached_property
     def flights(self) -> tuple[TrajectorySegment, ...]:
         """The half, and the way back."""
         (half,) = self.own_flights

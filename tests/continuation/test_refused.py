@@ -216,7 +216,7 @@ GIVEN: list[Row] = [
     *(
         (cb.diagram, (PITCHFORK.problem, "mu"), {"within": {}, name: 3}, words)
         for name, words in (
-            ("within", "windows by name"), ("events", "an Event was expected"), ("steps", "given as Steps")
+            ("within", "windows by name"), ("events", "an Event was"), ("steps", "given as Steps")
         )
     ),
     # a walk by hand, at once and not at its first point
