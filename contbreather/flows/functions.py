@@ -373,8 +373,8 @@ def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Arr
 def kink(
     function: Function, motion: Callable[[Array], Array], times: Array, p: Params
 ) -> tuple[float, Array] | None:
-    """Find where along a motion a function jumps most, or its derivative across it, and the state
-    there; None where all that changes between the samples changes steadily."""
+    """Find where along a motion a function jumps most, or its derivative across it, or rises as a
+    root does, and the state there; None where what changes between samples does so steadily."""
     states = motion(times)
     size = abs(values(function, times, states, p)).max(initial=0.0) or 1.0
     steps = np.diag(_CENTRAL * np.ptp(states, axis=1))
@@ -389,18 +389,23 @@ def kink(
     def apart(one: Array, other: Array) -> Array:
         return np.asarray(abs(other - one).max(axis=(0, 2)))
 
-    begin, step = times[:-1], np.diff(times)
-    early, late = looks(begin), looks(times[1:])
-    most = apart(early, late)
-    for _ in range(_HALVED):
-        middle, step = looks(begin + step / 2), step / 2
-        before, after = apart(early, middle), apart(middle, late)
-        most, right = np.maximum.reduce([most, before, after]), after > before
-        begin = begin + step * right
-        early = np.where(right[:, None], middle, early)
-        late = np.where(right[:, None], late, middle)
-    # what is smooth halves each time, or nearly so
-    left = apart(early, late)
-    jumps = np.where(left > 0.5 ** (_HALVED / 2) * most, left, 0.0)
-    k = int(jumps.argmax())
-    return (float(begin[k]), motion(begin[k : k + 1])[:, 0]) if jumps[k] > _UNSEEN else None
+    ends, begins, jumps = (looks(times[:-1]), looks(times[1:])), list[Array](), list[Array]()
+    # where it sets in as a root, the half after it may change more than that which it is in
+    for weight in (0.25, 1.0, 4.0):
+        begin, step, (early, late) = times[:-1], np.diff(times), ends
+        most = apart(early, late)
+        for _ in range(_HALVED):
+            middle, step = looks(begin + step / 2), step / 2
+            before, after = apart(early, middle), apart(middle, late)
+            most, right = np.maximum.reduce([most, before, after]), weight * after > before
+            begin = begin + step * right
+            early = np.where(right[:, None], middle, early)
+            late = np.where(right[:, None], late, middle)
+        # what is smooth halves each time, or nearly so, a root less; it may begin just ahead
+        left = apart(early, late)
+        most = np.maximum.reduce([most, np.roll(most, 1), np.roll(most, -1)])
+        jumps.append(np.where(left > 0.5 ** (_HALVED / 1.5) * most, left, 0.0))
+        begins.append(begin)
+    jump, begin = np.concatenate(jumps), np.concatenate(begins)
+    k = int(jump.argmax())
+    return (float(begin[k]), motion(begin[k : k + 1])[:, 0]) if jump[k] > _UNSEEN else None
