@@ -162,7 +162,7 @@ def _orbit_at(point: Point) -> Orbit:
 
 @dataclass(frozen=True)
 class Relisted(SwitchingProblem):
-    """An orbit at CC by the same impacts with the last one first: `along` its branch goes on."""
+    """An orbit at CC by the same impacts, the last one a section before; `along` it goes on."""
 
     along: FloatArray = field(kw_only=True)
 
@@ -171,8 +171,8 @@ class Relisted(SwitchingProblem):
 
 
 def relisted(point: Point) -> Relisted:
-    """List the impacts of an orbit at CC from those on which come at once with the first of the
-    next section, two of them where both neighbours do: beyond, these are in order."""
+    """List the impacts of an orbit at CC with those a section before which come at once with the
+    first of the next one, two of them where both neighbours do: beyond, these are in order."""
     threshold, free = point.curve.problem.threshold, point.curve.free[-1]
     since_first = point.solution.times - point.solution.times.min()
     late = np.flatnonzero(since_first >= point.solution.section.length - AT_ONCE)
@@ -182,7 +182,9 @@ def relisted(point: Point) -> Relisted:
         for j in late:
             site, wall, t, J = impacts.pop(j)
             before = t - section.length, section.sign * J
-            impacts.insert(0, Impact(site, section.sign * wall, *before))
+            # those of a site are in order, and where it may p stays that of the same impact
+            own_first = impacts[0].site == site
+            impacts.insert(not own_first, Impact(site, section.sign * wall, *before))
         section = replace(section, impacts=tuple(impact[:2] for impact in impacts))
         _, _, times, impulses = zip(*impacts, strict=True)
         on, motion = orbit.representation.conditions, type(orbit.representation)

@@ -195,6 +195,7 @@ def test_it_goes_on_where_both_neighbours_come_at_once_with_the_first_of_the_nex
     (three,) = cb.switch(branch.first("GR"))
     ended, whole = cb.switch(three.first("BP"))
     (further,) = cb.switch(ended.first("CC"))
+    assert further[0]["p"] == pytest.approx(ended[-1]["p"], rel=1e-9)  # of the same impact
     assert further[-1]["gamma"] == 0.0
     speeds = (np.sort(abs(arm[-1].solution.incoming)) for arm in (further, whole))
     assert next(speeds) == pytest.approx(next(speeds), rel=1e-12)
