@@ -380,32 +380,29 @@ def kink(
     steps = np.diag(_CENTRAL * np.ptp(states, axis=1))
 
     def looks(t: Array) -> Array:
-        x = motion(t)[:, :, None]
+        x = motion(t.ravel())[:, :, None]
         sides = np.concatenate([x, x + steps[:, None], x - steps[:, None]], axis=2)
         rows = values(function, np.repeat(t, sides.shape[2]), sides.reshape(len(x), -1), p) / size
-        here, up, down = np.split(rows.reshape(len(rows), len(t), -1), [1, 1 + len(x)], axis=2)
-        return np.concatenate([here, (up - down) / (2 * _CENTRAL)], axis=2)
+        here, up, down = np.split(rows.reshape(len(rows), *t.shape, -1), [1, 1 + len(x)], axis=3)
+        return np.moveaxis(np.concatenate([here, (up - down) / (2 * _CENTRAL)], axis=3), 0, 2)
 
-    def apart(one: Array, other: Array) -> Array:
-        return np.asarray(abs(other - one).max(axis=(0, 2)))
-
-    ends, begins, jumps = (looks(times[:-1]), looks(times[1:])), list[Array](), list[Array]()
-    # where it sets in as a root, the half after it may change more than that which it is in
-    for weight in (0.25, 1.0, 4.0):
-        begin, step, (early, late) = times[:-1], np.diff(times), ends
-        most = apart(early, late)
-        for _ in range(_HALVED):
-            middle, step = looks(begin + step / 2), step / 2
-            before, after = apart(early, middle), apart(middle, late)
-            most, right = np.maximum.reduce([most, before, after]), weight * after > before
-            begin = begin + step * right
-            early = np.where(right[:, None], middle, early)
-            late = np.where(right[:, None], late, middle)
-        # what is smooth halves each time, or nearly so, a root less; it may begin just ahead
-        left = apart(early, late)
-        most = np.maximum.reduce([most, np.roll(most, 1), np.roll(most, -1)])
-        jumps.append(np.where(left > 0.5 ** (_HALVED / 1.5) * most, left, 0.0))
-        begins.append(begin)
-    jump, begin = np.concatenate(jumps), np.concatenate(begins)
+    # of each time between samples what changes most, and a piece on either side: a root sets in
+    # there or just ahead, where it is steepest
+    t = times[:-1] + np.diff(times) * np.arange(-1, 3)[:, None]
+    t = t.clip(times[0], times[-1])
+    seen, most = looks(t), np.zeros(times.size - 1)
+    for _ in range(_HALVED):
+        between = (t[:-1] + t[1:]) / 2
+        t = np.insert(t, [1, 2, 3], between, axis=0)
+        seen = np.insert(seen, [1, 2, 3], looks(between), axis=0)
+        left = abs(np.diff(seen, axis=0)).max(axis=(2, 3))
+        most = np.maximum(most, left.max(axis=0))
+        kept = left.argmax(axis=0).clip(1, 4) + np.arange(-1, 3)[:, None]
+        t = np.take_along_axis(t, kept, axis=0)
+        seen = np.take_along_axis(seen, kept[:, :, None, None], axis=0)
+    # what is smooth halves each time, a root each second time; it may begin at the edge
+    left = abs(np.diff(seen, axis=0)).max(axis=(0, 2, 3))
+    most = np.maximum.reduce([most, np.roll(most, 1), np.roll(most, -1)])
+    jump = np.where(left > 0.5 ** (_HALVED / 1.5) * most, left, 0.0)
     k = int(jump.argmax())
-    return (float(begin[k]), motion(begin[k : k + 1])[:, 0]) if jump[k] > _UNSEEN else None
+    return (float(t[1, k]), motion(t[1:2, k])[:, 0]) if jump[k] > _UNSEEN else None

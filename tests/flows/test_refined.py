@@ -569,7 +569,7 @@ def test_a_branch_sets_out_both_ways_from_a_start_far_from_where_it_was_last() -
 
 
 @pytest.mark.parametrize(
-    ("power", "least", "most"), [(1.0, 60, 60), (1.25, 60, 60), (1.5, 54, 60), (2.0, 0, 0)]
+    ("power", "least", "most"), [(1.0, 60, 60), (1.25, 60, 60), (1.5, 60, 60), (2.0, 0, 0)]
 )
 def test_a_field_that_sets_in_as_a_root_is_not_smooth(power: float, least: int, most: int) -> None:
     """As Hertz's force behind a gap, with the derivative a root: halving went past six in seven."""
