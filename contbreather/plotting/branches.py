@@ -89,24 +89,12 @@ def plot_branches(
         coloured = bool(groups) or colours is not None  # then colours say what they stand for
         styles: set[str] = set()
         marks: list[Marker] = []
-        paper = axes.get_facecolor()
         for i, (branch, points, colour) in enumerate(zip(branches, marked, shades, strict=True)):
             for side, name in enumerate(ordinates(branch, y)):
-                for style, *line in pieces(branch, x, name):
-                    styles.add(style)
-                    grey = style == UNKNOWN and not coloured
-                    dot = "." * (len(branch) == 1)  # there is no line
-                    # two dashed lines in one place would look solid: the upper one hides the lower
-                    over = {} if style == STABLE else {"gapcolor": paper, "zorder": 1.9}
-                    axes.plot(*line, style, color=GREY if grey else colour, marker=dot, **over)
+                styles |= _lines(axes, branch, (x, name), colour, coloured)
                 its = [Marker(p, i, value_of(p, x), value_of(p, name), colour) for p in points]
                 for mark in its:
-                    kind, end = mark.point.kind, mark.point.kind == "EP"
-                    edge = {"EP": "none", "MX": colour}.get(kind, paper)
-                    canvas.to_the_rim(axes.plot(
-                        mark.x, mark.y, **canvas.marker_of(kind), color=GREY if end else colour,
-                        markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
-                    ))  # fmt: skip
+                    _draw_marker(axes, mark)
                 marks += its[: None if side == 0 else 0]  # an envelope is named at its top
         for axis, name in ((axes.xaxis, x), (axes.yaxis, y)):
             _without_offset(axis, max(np.max(b.problem.scales.get(name, 1.0)) for b in branches))
@@ -115,21 +103,51 @@ def plot_branches(
             marks = [mark._replace(colour=plain) for mark in marks]
         words = _words(axes, pixel, marks, len(branches))
         named = len(words) <= MANY if labels is None else labels
-        kinds_told = set() if named else {mark.point.kind for mark in marks} - {"EP"}
-        looks_of_kinds = {
-            kind: {**canvas.marker_of(kind), "color": plain} for kind in sorted(kinds_told)
-        }
-        unknown = plain if coloured else GREY
-        for most in range(MANY - 1, -1, -1):  # fewer groups, until there is room for their words
-            entries = _legend_entries(key if groups else {}, styles, plain, unknown, most)
-            above = _legend(axes, pixel, entries | looks_of_kinds)
-            if above < 1 / 3 or not groups:
-                break
+        told = set() if named else {mark.point.kind for mark in marks} - {"EP"}
+        looks = {kind: {**canvas.marker_of(kind), "color": plain} for kind in sorted(told)}
+        above = _fitting_legend(axes, pixel, key if groups else {}, styles, looks, coloured)
         if named:
             if above:  # the axes have made room for it
                 canvas.lay_out(axes)
             canvas.place_words(axes, pixel, words)
     return drawn
+
+
+def _lines(
+    axes: Axes, branch: Branch, names: tuple[str, str], colour: str, coloured: bool
+) -> set[str]:
+    """Draw a branch, and tell in which styles; grey where colours say nothing."""
+    styles, dot = set(), "." * (len(branch) == 1)  # there is no line
+    for style, *line in pieces(branch, *names):
+        styles.add(style)
+        # two dashed lines in one place would look solid: the upper one hides the lower
+        over: dict[str, Any] = {"gapcolor": axes.get_facecolor(), "zorder": 1.9}
+        shade = GREY if style == UNKNOWN and not coloured else colour
+        axes.plot(*line, style, color=shade, marker=dot, **({} if style == STABLE else over))
+    return styles
+
+
+def _draw_marker(axes: Axes, mark: Marker) -> None:
+    kind = mark.point.kind
+    edge = {"EP": "none", "MX": mark.colour}.get(kind, axes.get_facecolor())
+    canvas.to_the_rim(axes.plot(
+        mark.x, mark.y, **canvas.marker_of(kind), color=GREY if kind == "EP" else mark.colour,
+        markeredgecolor=edge, markeredgewidth=0.5, zorder=3,
+    ))  # fmt: skip
+
+
+def _fitting_legend(
+    axes: Axes, pixel: float, key: dict[Any, str], styles: set[str], looks: Any, coloured: bool
+) -> float:
+    """Draw a legend of as many groups as leave room for their words; return its share above."""
+    plain = canvas.text_colour(axes)
+    unknown = plain if coloured else GREY
+    for most in range(MANY - 1, -1, -1):
+        entries = _legend_entries(key, styles, plain, unknown, most)
+        above = _legend(axes, pixel, entries | looks)
+        if above < 1 / 3 or not key:
+            break
+    return above
 
 
 def _marked(branch: Branch, kinds: set[str] | None) -> list[Point]:
