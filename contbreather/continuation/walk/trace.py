@@ -452,57 +452,22 @@ class ContinuationIterator:
     def _located(self, piece: BranchPiece, quiet: Any) -> tuple[Points, Stop | None]:
         """Find what happens on the first step of a piece: its points in order, and whether the walk
         ends with it."""
-        point, begins, last, curve = self.point, self.count == 0, piece.points[0], self.curve
+        point, last, begins = self.point, piece.points[0], self.count == 0
         # what befell the last step of a piece is not the first one's own
         stop, crossing = (piece.stop, piece.crossing) if len(piece.points) == 1 else (None, None)
-        closed, before, after = stop is Stop.CLOSED, self.tests[:, -1], piece.tests[:, 0].copy()
-        found, doubtful = list[Point](), list[Point]()
-        if self.events:
-            segment = StepInterpolant(point, last, self.steps.tolerance)
-            if crossing or closed:
-                quiet = [False] * len(self.events)
-            ends = Ends(begins, stop is Stop.BOUND, closed)
-            try:
-                found, doubtful, after = find(
-                    segment, self.events, before, after, quiet, crossing, ends
-                )
-            except Undefined as error:
-                raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
-        self.places = [point.arclength, last.arclength]
-        self.tests = np.stack([before, after], axis=1)
+        closed, line = stop is Stop.CLOSED, list[Point]()
+        found, doubtful = self._found(piece, quiet, crossing, stop)
         reach = 1e-8 * (last.arclength - point.arclength)
-        ended, broken, line = set[int](), list[str](), list[Point]()
         if begins:  # later, what the step before ended short of is found
             line = [p for p in found if p.arclength <= point.arclength + reach]
-            ended = {id(p.event) for p in line}
-            found, line = found[len(line) :], line or [point]
-        at_once, later = False, {id(p.event) for p in found}
-        for event, then, now in zip(self.events, before, after, strict=True):
-            if event.ends == "domain" and now < 0:  # only the positive side is meant
-                broken.append(event.kind)
-                # what is negative at the start is rounding: more of it is refused
-                at_start = id(event) in ended or (begins and then <= 0)
-                at_once |= at_start and id(event) not in later
-        if at_once:
-            stop = Stop.EVENT  # it leads out of the meaningful region at once
-        else:
-            for special in found:
-                LOG.info("found %s: %r", special.kind, special)
-                crosses, simpler = special.event and special.event.crosses, curve.problem.simpler
-                # where what has doubled is taken back, solutions are those of a simpler problem:
-                # what is beyond has been walked. Else all of the branch is of that problem
-                sides = point, last  # so near it one may look as simple
-                if crosses and not begins and simpler(special) and not all(map(simpler, sides)):
-                    said = "beyond, the branch goes on as its own image under a symmetry"
-                    special = replace(special, detail={**special.detail, "said": said})
-                    stop = Stop.EVENT
-                line.append(special)
-                if stop is Stop.EVENT or (special.event is not None and special.event.ends):
-                    stop = Stop.EVENT
-                    break
-            if broken and stop is not Stop.EVENT:
-                names = ", ".join(broken)
-                raise StepFailed(f"the end of the meaningful region ({names}) was not located")
+            found = found[len(line) :]
+        left, at_once = self._left(line, found)
+        line = line or [point] * begins
+        if at_once or self._goes_to_end(found, last, line):
+            stop = Stop.EVENT
+        elif left:
+            names = ", ".join(left)
+            raise StepFailed(f"the end of the meaningful region ({names}) was not located")
         near = bool(line) and abs(line[-1].arclength - last.arclength) <= reach
         if stop is not Stop.EVENT and not near:
             line.append(last)
@@ -515,6 +480,60 @@ class ContinuationIterator:
             self.crossings.append(last)
         self.doubtful = unexplained(self.doubtful, self.crossings)
         return Points.of(line), stop
+
+    def _found(
+        self, piece: BranchPiece, quiet: Any, crossing: Any, stop: Stop | None
+    ) -> tuple[list[Point], list[Point]]:
+        """Look for all events on the first step of a piece; go on from their tests at its end."""
+        point, last, closed = self.point, piece.points[0], stop is Stop.CLOSED
+        before, after = self.tests[:, -1], piece.tests[:, 0].copy()
+        found, doubtful = list[Point](), list[Point]()
+        if self.events:
+            segment = StepInterpolant(point, last, self.steps.tolerance)
+            if crossing or closed:
+                quiet = [False] * len(self.events)
+            ends = Ends(self.count == 0, stop is Stop.BOUND, closed)
+            try:
+                found, doubtful, after = find(
+                    segment, self.events, before, after, quiet, crossing, ends
+                )
+            except Undefined as error:
+                raise StepFailed(f"while locating an event: {error}", Stop.DOMAIN) from error
+        self.places = [point.arclength, last.arclength]
+        self.tests = np.stack([before, after], axis=1)
+        return found, doubtful
+
+    def _left(self, at_start: list[Point], later: list[Point]) -> tuple[list[str], bool]:
+        """Name the walls of the meaningful region behind which the step ends, and tell whether it
+        is left at once, at the start."""
+        left, at_once, begins = list[str](), False, self.count == 0
+        ended, located = ({id(p.event) for p in points} for points in (at_start, later))
+        for event, (then, now) in zip(self.events, self.tests, strict=True):
+            if event.ends == "domain" and now < 0:  # only the positive side is meant
+                left.append(event.kind)
+                # what is negative at the start is rounding: more of it is refused
+                there = id(event) in ended or (begins and then <= 0)
+                at_once |= there and id(event) not in located
+        return left, at_once
+
+    def _goes_to_end(self, found: list[Point], last: Point, line: list[Point]) -> bool:
+        """Add to a line what was found, up to what ends the curve; tell whether anything does."""
+        simpler = self.curve.problem.simpler
+        for special in found:
+            LOG.info("found %s: %r", special.kind, special)
+            event, sides = special.event, (self.point, last)
+            # where what has doubled is taken back, solutions are those of a simpler problem, and
+            # what is beyond has been walked; not so where both sides are simple, as all of the
+            # branch is then (one side may look so, near the point)
+            crosses = event and event.crosses and self.count
+            if crosses and simpler(special) and not all(map(simpler, sides)):
+                said = "beyond, the branch goes on as its own image under a symmetry"
+                line.append(replace(special, detail={**special.detail, "said": said}))
+                return True
+            line.append(special)
+            if event is not None and event.ends:
+                return True
+        return False
 
     # --- end ---
 
