@@ -421,7 +421,10 @@ def _newton(
         first = math.sqrt(size + second / moves) if first_order else 1.0
         rate = size / before if before < np.inf else first
         # and nearly at its size it may stop shrinking
-        if min(size, size * rate) <= error or (good and before <= 1e-9 and size >= 0.5 * before):
+        done = min(size, size * rate) <= error
+        if not done and good and size >= 0.5 * before:
+            done = before <= (_rounding(linear, flight, moves) if fresh else 1e-9)
+        if done:
             return k, velocities if t.size > count else None
         # one from elsewhere is good once it has made a correction shrink, to a twentieth at least
         shrunk = size <= 0.05 * before
@@ -434,6 +437,14 @@ def _newton(
         f"the interval of the mesh from t = {flight.begins[worst]:.6g} on is too long for its "
         "flow: more intervals are needed, or the period grows without bound"
     )
+
+
+def _rounding(linear: Slopes, flight: TrajectorySegment, moves: float) -> float:
+    """Size of corrections, relative to what moves, that may be rounding of states alone: an
+    interval magnifies it as perturbations grow."""
+    of_rates = abs(linear.rates) @ abs(flight.states)[..., None]
+    magnified = abs(linear.inverse) @ np.tile(of_rates, (1, flight.scheme.points, 1))
+    return max(1e-9, float(ROUNDING * magnified.max() / moves))
 
 
 def derivatives(

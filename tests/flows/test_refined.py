@@ -599,3 +599,30 @@ def test_where_a_field_has_no_values_beside_an_orbit_it_is_not_said_to_have_a_ki
     orbit = cb.flows.cycle_of(start)
     empty = replace(orbit, params={"least": 1.001 * orbit.min["x"]})
     assert empty.kink == ""
+
+
+def test_rounding_that_grows_along_intervals_at_rest_does_not_end_a_branch() -> None:
+    """Before a saddle-node on a circle, from which perturbations grow, a branch ended as MX with
+    intervals that were "too long for its flow". The period is 2 pi/sqrt(m^2 - 1)."""
+
+    def rest(t: Any, x: Any, p: Any) -> Any:
+        square = x[0] ** 2 + x[1] ** 2
+        turn = p["m"] - x[0] / np.sqrt(square)
+        return x[0] * (1 - square) - x[1] * turn, x[1] * (1 - square) + x[0] * turn, 2 * x[2] - x[1]
+
+    w = np.sqrt(1.002**2 - 1)
+    times = np.linspace(0, 2 * np.pi / w, 2001)
+
+    def angle(t: Any) -> Any:
+        return 2 * np.arctan(w / 2.002 * np.tan(w * t / 2))
+
+    back = solve_ivp(  # on the circle it is attracting
+        lambda t, z: 2 * z - np.sin(angle(t)), (times[-1] + 25, 0), [0.0], rtol=1e-10, atol=1e-12,
+        max_step=0.5, dense_output=True,
+    )  # fmt: skip
+    around = angle(times)
+    samples = np.array([np.cos(around), np.sin(around), back.sol(times)[0]])
+    start = cb.cycle(rest, (times, samples), {"m": 1.002})
+    slow = cb.trace(start, "m", within={"m": (1.0003, 1.003)}, events=())[0]
+    assert slow["period"] == pytest.approx(2 * np.pi / np.sqrt(slow["m"] ** 2 - 1), rel=1e-9)
+    assert slow["m"] == 1.0003
