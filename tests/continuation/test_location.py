@@ -244,6 +244,24 @@ def test_a_branch_point_is_found_wherever_steps_end_beside_it(largest: float) ->
     assert [mu for _, mu in found] == pytest.approx([-0.1, 0.0, 0.13], abs=1e-15)
 
 
+@pytest.mark.parametrize("start", [0.6, 0.9, 1.0, 1.2])
+def test_where_real_roots_become_complex_there_is_a_branch_point(start: float) -> None:
+    """Two real roots of z^3 - p z + 1 meet at p = 3/4^(1/3), where both eigenvalues of the
+    derivative in (Re z, Im z) pass zero: of four starts two had the place among `doubtful`."""
+
+    def roots(x, p):
+        z = x[0] + 1j * x[1]
+        value = z**3 - p["p"] * z + 1
+        return np.array([value.real, value.imag])
+
+    real = cb.Problem(roots, {"x": start, "y": 0.0}, {"p": start**2 + 1 / start})
+    branch = trace(real, "p", within={"p": (-3, 4)}, events=zoo.STATIC)
+    assert [(p.kind, p["p"]) for p in zoo.events_of(branch)] == [
+        ("BP", pytest.approx(3 / 4 ** (1 / 3), abs=1e-12))
+    ]
+    assert branch.doubtful == ()
+
+
 def test_branch_point_knows_both_tangents() -> None:
     # x = mu and x = -2 mu cross at the origin
     cross = zoo.scalar(lambda x, p: (x - p["mu"]) * (x + 2 * p["mu"]) * (3 + x), 0.5, {"mu": 0.5})

@@ -279,7 +279,9 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
         if not solution.converged:
             return None
         place, point = segment.corrected(solution, detail.get("tangents", ()))
-        if not left - ASIDE <= place <= right + ASIDE:
+        # beside branch points bracket and u are those of the cubic, and off by as much as that is
+        off = segment.off(place, point.z) if event.crosses else 0.0
+        if not left - ASIDE <= place <= right + ASIDE and abs(place - u) > off:
             return None
         low, high = place - ASIDE, place + ASIDE
         if not (event.crosses or _vanishes(samples, point, left, right)):

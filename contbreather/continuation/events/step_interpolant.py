@@ -94,6 +94,11 @@ class StepInterpolant:
         rounding = 4 * math.ulp(1.0) * (abs(value) + size)
         return any(abs(end.z[-1] - value) > rounding for end in (self.first, self.last))
 
+    def off(self, u: float, z: Array) -> float:
+        """How far the cubic is off the point of the curve at u, relative to the step."""
+        guess, _ = self.guess(min(max(u, 0.0), 1.0))
+        return self.curve.length(z - guess) / self.length
+
     def _check_near(self, guess: Array, z: Array) -> None:
         # so far off the cubic, relative to the step, a point between may lie
         if self.curve.length(z - guess) > 0.1 * self.length:
@@ -221,6 +226,8 @@ class StepSamples:
         """Remember an event at u: the test keeps its sign up to it, and the other one after it."""
         # between these the sign is rounding
         low, high = max(u - ASIDE, left), min(u + ASIDE, right)
+        if low > high:  # off the bracket, which was seen on the cubic
+            low, high = min(u - ASIDE, left), max(u + ASIDE, right)
         self.values[low], self.values[high] = self.values[left], self.values[right]
         self.sure |= {low, high}
         self.done.append((low, high))
