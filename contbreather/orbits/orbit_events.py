@@ -378,7 +378,7 @@ def _examine_angle(point: Point) -> str:
 
 WHY: Mapping[str, str] = {
     "PF": "only a symmetric orbit, known by half its period, has a pitchfork",
-    "PD": "a symmetric orbit breaks its symmetry (PF) before it can double its period",
+    "PD": "maps and orbits have one, symmetric orbits after they broke their symmetry (PF)",
     "NS": "a complex pair is looked for in the map of an orbit",
     "GR": "only what moves between walls can graze them",
 }
@@ -419,8 +419,7 @@ def _deferred(kind: str) -> Event:
 def _of_kind(kind: str, problem: Problem) -> Event:
     event = next((event for event in problem.events if event.kind == kind), None)
     if event is None:
-        have = ", ".join(event.kind for event in problem.events) or "no events"
-        raise BadInput(f"no {kind} of this problem ({problem.label}, {have}): {WHY[kind]}.")
+        raise BadInput(f"no {kind} of this problem ({problem.kinds}): {WHY[kind]}.")
     return event
 
 

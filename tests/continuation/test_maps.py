@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from contbreather.continuation import Branch, Steps, boundary, trace
+from contbreather.continuation.bifurcations.equilibria import hopf
 from contbreather.continuation.bifurcations.maps import FixedPoint
 from contbreather.continuation.branches.switching import switch
 from contbreather.errors import BadInput
@@ -156,6 +157,17 @@ def test_a_map_of_one_unknown_may_return_a_number() -> None:
     number = FixedPoint(lambda u, p: p["r"] * u[0] * (1 - u[0]), {"x": 0.6}, {"r": 2.5})
     branch = trace(number, "r", within={"r": (2.5, 3.6)})
     assert branch.first("PD")["r"] == pytest.approx(3.0, abs=1e-12)
+
+
+def test_a_fixed_point_has_no_hopf_point() -> None:
+    """Where a pair of multipliers is 1 +- i/2 nothing happens: HB had a label there."""
+
+    def turn(u: Array, p: Params) -> Array:
+        return (1 + p["a"]) * u + np.array([-u[1], u[0]]) / 2
+
+    fixed = FixedPoint(turn, {"x": 0.0, "y": 0.0}, {"a": -0.3})
+    with pytest.raises(BadInput, match=r"no HB of this problem .*unit circle is NS"):
+        trace(fixed, "a", within={"a": (-1, 0.5)}, events=[*fixed.events, hopf()])
 
 
 def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:

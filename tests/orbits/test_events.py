@@ -364,7 +364,7 @@ def on_ring(orbit: cb.Orbit) -> cb.Orbit:
         (
             cb.period_doubling,
             "PD",
-            "a symmetric orbit breaks its symmetry (PF) before it can double its period",
+            "maps and orbits have one, symmetric orbits after they broke their symmetry (PF)",
         ),
         (cb.neimark_sacker, "NS", "a complex pair is looked for in the map of an orbit"),
         (cb.grazing, "GR", "only what moves between walls can graze them"),

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ...errors import BadInput
 from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import is_sparse
@@ -243,6 +244,15 @@ def unstable(point: Point) -> int:
 @dataclass(frozen=True, repr=False)
 class _OfFlow(Event):
     """An event of flows: where it is looked for, eigenvalues say which equilibria are unstable."""
+
+    def of(self, problem: Problem) -> Event:
+        # somebody's own NS, of neutral saddles, has no locus
+        if any(event.kind == "NS" and event.locus for event in problem.events):
+            raise BadInput(
+                f"no {self.kind} of this problem ({problem.kinds}): it has multipliers, and where "
+                "a pair of them passes the unit circle is NS."
+            )
+        return self
 
     def columns(self, problem: Problem) -> Mapping[str, UnstableDimension]:
         # of more unknowns some are known only, of sparse ones, or they take seconds

@@ -434,6 +434,12 @@ class Problem(Structure):
         counted = "1 equation" if self.x.size == 1 else f"{self.x.size} equations"
         return f"<Problem {self.label or f'of {counted}'}: {self.start_text()}{events}>"
 
+    @property
+    def kinds(self) -> str:
+        """Its label and the kinds of its events, in a sentence that refuses another."""
+        kinds = ", ".join(event.kind for event in self.events) or "no events"
+        return f"{self.label}, {kinds}" if self.label else kinds
+
     def start_text(self) -> str:
         every = {**self.start, **self.params}
         shown = {name: every[name] for name in self.listed if np.ndim(every[name]) == 0}
