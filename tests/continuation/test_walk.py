@@ -23,7 +23,7 @@ from contbreather.continuation import (
     trace,
     user,
 )
-from contbreather.errors import Interrupted, NotConverged
+from contbreather.errors import BadInput, Interrupted, NotConverged
 
 from . import zoo
 from .zoo import TIP
@@ -183,6 +183,30 @@ def test_the_rim_is_reached_not_only_approached() -> None:
     assert 0 <= exact[-1]["mu"] < 1e-12
     close, _ = ending(lambda x, p: x - math.sqrt(p["mu"]))  # differences need room to either side
     assert 0 <= close[-1]["mu"] < 1e-6
+
+
+@pytest.mark.parametrize(
+    "root",
+    [
+        lambda x, p: x - np.sqrt(1 - p["mu"]),
+        lambda x, p: x - np.arccos(p["mu"]),
+        lambda x, p: x**2 - np.sqrt(1 - p["mu"] ** 2),
+    ],
+)
+def test_no_branch_goes_on_behind_a_root_at_the_edge_of_its_domain(root):
+    """At mu = 1 itself a complex step found it as steep as rounding: x went down to -0.24."""
+    branch = trace(zoo.scalar(root, 1.0, {"mu": 0.0}), "mu", towards="up")
+    assert (branch.stop, branch.reason) == (Stop.DOMAIN, "the derivatives are not finite")
+    assert branch["x"].min() >= 0
+    assert branch[-1]["x"] < 1e-4
+    with pytest.raises(BadInput, match="no derivatives at the start"):
+        trace(zoo.scalar(root, 0.0, {"mu": 1.0}), "mu")
+
+
+def test_a_steep_slope_is_no_edge() -> None:
+    steep = zoo.scalar(lambda x, p: x - 1e15 * (p["mu"] - 1), 0.0, {"mu": 1.0})
+    branch = trace(steep, "mu", within={"x": (-3, 3)})
+    assert (branch["x"].min(), branch["x"].max()) == (-3, 3)
 
 
 def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:

@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike
 from ...errors import BadInput, NotConverged
 from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import Array, Undefined, approach, newton
-from ..algebra.sparse import dense, is_sparse, scaled
+from ..algebra.sparse import checked_finite, dense, is_sparse, scaled
 from ..curve.branch import Points
 from ..curve.curve import AHEAD, LEVEL, Curve
 from ..curve.derivative_checks import check_start, reconsider
@@ -261,8 +261,11 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     where that does not change at first, the curve leads away from the bound that it starts at, and
     else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
     """
-    z, matrix = curve.start, curve.jacobian(curve.start)
-    along = np.eye(1, z.size, z.size - 1)[0]
+    z, along = curve.start, np.eye(1, curve.start.size, curve.start.size - 1)[0]
+    try:
+        matrix = checked_finite(curve.jacobian(z))
+    except Undefined as error:
+        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
         weak = least_singular(scaled(matrix, 1 / curve.row_scales, curve.scales))
         singular = weak.size < 1e-4 * weak.second
