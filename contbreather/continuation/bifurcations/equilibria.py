@@ -241,13 +241,18 @@ def unstable(point: Point) -> int:
     return int(np.count_nonzero(found.values.real > found.rounding))
 
 
+def has_multipliers(problem: Problem) -> bool:
+    """Tell whether a problem is of a map or an orbit, which have NS and no HB."""
+    # somebody's own NS, of neutral saddles, has no locus
+    return any(event.kind == "NS" and event.locus for event in problem.events)
+
+
 @dataclass(frozen=True, repr=False)
 class _OfFlow(Event):
     """An event of flows: where it is looked for, eigenvalues say which equilibria are unstable."""
 
     def of(self, problem: Problem) -> Event:
-        # somebody's own NS, of neutral saddles, has no locus
-        if any(event.kind == "NS" and event.locus for event in problem.events):
+        if has_multipliers(problem):
             raise BadInput(
                 f"no {self.kind} of this problem ({problem.kinds}): it has multipliers, and where "
                 "a pair of them passes the unit circle is NS."

@@ -17,7 +17,7 @@ from ...errors import BadInput
 from ...storage.netcdf import check_lengths
 from ...storage.serialise import can_read, check_types, from_dict
 from ..algebra.newton import Undefined
-from ..bifurcations.equilibria import branch_point, fold, hopf
+from ..bifurcations.equilibria import branch_point, fold, has_multipliers, hopf
 from ..bifurcations.maps import MapCycleProblem
 from ..branches.boundary import boundary_problem
 from ..curve.branch import Branch, Points, Stop, labelled
@@ -158,7 +158,8 @@ class _Stored:
                     "the problem; give the one that the branch was begun with"
                 )
         problem = problem.at(**{name: first[name] for name in problem.names})
-        candidates = (*problem.events, fold(), branch_point(), hopf())
+        of_flow = () if has_multipliers(problem) else (hopf(),)
+        candidates = (*problem.events, fold(), branch_point(), *of_flow)
         settings = self._settings(candidates)
         used = settings or Settings()
         if content["boundary"]:
