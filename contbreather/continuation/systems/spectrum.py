@@ -352,20 +352,26 @@ def _disk(matrix: Matrix, height: float) -> tuple[Any, float]:
     """The eigenvalues around a place of the upper half of the axis, and how far they reach."""
     from scipy.sparse.linalg import ArpackError, LinearOperator, eigs
 
-    n = matrix.shape[0]
-    moved = matrix if height == 0 else plus_diagonal(matrix, -1j * height)
-    try:
-        lu = factorised(moved)
-    except RuntimeError:  # an eigenvalue is there to the last digit
-        lu = factorised(plus_diagonal(moved, _EXACT * abs(matrix).max()))
-    operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
-    try:
-        inverse = eigs(
-            operator, min(12, n - 2), v0=any_vector(n), tol=1e-10, return_eigenvectors=False
-        )
-    except ArpackError as error:
-        raise Undefined(f"no eigenvalues were found next to {height:.3g}i: {error}") from error
-    values = 1 / inverse + 1j * height  # those of (A - i height)^-1, the largest first
+    n, shift = matrix.shape[0], 1j * height if height else 0.0
+    for _ in range(3):
+        moved = plus_diagonal(matrix, -shift) if shift else matrix
+        try:
+            lu = factorised(moved)
+        except RuntimeError:  # an eigenvalue is there to the last digit
+            lu = factorised(plus_diagonal(moved, _EXACT * abs(matrix).max()))
+        operator = LinearOperator((n, n), matvec=lu.solve, dtype=moved.dtype)
+        try:
+            inverse = eigs(
+                operator, min(12, n - 2), v0=any_vector(n), tol=1e-10, return_eigenvectors=False
+            )
+        except ArpackError as error:
+            raise Undefined(f"no eigenvalues were found next to {height:.3g}i: {error}") from error
+        sizes = abs(inverse)
+        if sizes.max() <= 1e8 * sizes.min():
+            break
+        # so close to one of them the others are lost in the rounding of its inverse
+        shift += 1e-4 / sizes.min()
+    values = 1 / inverse + shift  # those of (A - shift)^-1, the largest first
     radius = float(abs(values - 1j * height).max())
     return values[values.imag >= 0], radius
 
