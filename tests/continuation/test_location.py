@@ -427,6 +427,13 @@ def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
     assert alone.stop is Stop.EVENT
 
 
+def test_an_event_that_is_given_twice_is_looked_for_once() -> None:
+    """Beside those of the problem: each place had two labels."""
+    cusp = replace(zoo.CUSP.problem, events=(fold(),))
+    branch = trace(cusp, "h", within={"x": (-2, 2)}, events=[*cusp.events, fold()])
+    assert [point.label for point in zoo.events_of(branch)] == ["LP1", "LP2"]
+
+
 def test_events_may_come_from_the_problem_or_a_generator() -> None:
     own = replace(zoo.LINE.problem, events=(user("mu", 0.2), user("mu", -0.2)))
     assert places(trace(own, "mu", within=UNIT)) == pytest.approx([-0.2, 0.2])

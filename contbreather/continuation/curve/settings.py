@@ -153,7 +153,8 @@ def active_events(
     Events that are asked for come on top of the walls of the problem, its events beyond which
     solutions mean nothing; only `inadmissible` lifts these.
     """
-    asked = tuple(event.of(problem) for event in events or ())
+    # one that is given twice, as beside those of the problem, is looked for once
+    asked = tuple({id(e): e for e in (event.of(problem) for event in events or ())}.values())
     problem = _lifted(problem) if inadmissible else problem
     for event in asked:
         if isinstance(event, EventWithRule):
