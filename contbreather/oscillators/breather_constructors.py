@@ -195,13 +195,13 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
             ) from error
         last: Any = branch[-1]
         start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None
-        if start is None and last[SHARE] == 1.0:
-            if chain.walls and (said := _behind(last)):
-                share = next(float(point[SHARE]) for point in branch if _behind(point))
-                raise CouplingEnds(f"{code}: by {share:.4g} of the coupling {said}", share)
-            return last.problem
     # the farthest, also where it turns back without a fold, onto the other arm of a pitchfork
     end = max((*branch.special, *branch), key=lambda point: float(point[SHARE]))
+    if chain.walls and (said := _behind(end)):
+        share = next(float(point[SHARE]) for point in (*branch, end) if _behind(point))
+        raise CouplingEnds(f"{code}: by {share:.4g} of the coupling {said}", share)
+    if last[SHARE] == 1.0:
+        return last.problem
     back = end.kind == "LP" or last[SHARE] < end[SHARE]
     turns = "it turns back" if back else "its steps shrink to nothing"
     raise CouplingEnds(

@@ -323,3 +323,10 @@ def test_a_breather_behind_a_wall_is_refused_with_the_site() -> None:
     )  # fmt: skip
     with pytest.raises(cb.errors.NoSolution, match=r"coupling site 1 is behind a wall, which"):
         cb.breather(chain, {0: 1, 2: 1}, omega=1.0, params={"c": 0.02})
+    # it touches the wall at c = 0.0218, a share of 0.109, and turns back at 0.034, behind it
+    pair = cb.Oscillators(
+        "u**2/2 + u**4/20", "c*r**2/2", cb.OpenChain(2),
+        damping=0.03, drive="cos(omega*t)/2", walls=1.0, k=0.75,
+    )  # fmt: skip
+    with pytest.raises(cb.errors.NoSolution, match=r"by 0\.1\d* of the coupling site 1 is behind"):
+        cb.breather(pair, {0: 1}, omega=1.3, params={"c": 0.2})
