@@ -132,6 +132,9 @@ def _nearest_two(point: Point, known: float | None = None) -> tuple[float, float
     curve, where that is `known`, those two, however close others are."""
     indices, matrix, form, _ = point.base_point.solution.passing
     on, signs = _signed(indices, matrix, form) if indices.size > 1 else (np.empty(0), np.empty(0))
+    if known is not None:  # where one of those two is beyond +-1 they are the same two
+        beyond = indices.real[(indices.imag == 0) & (abs(indices.real) >= 1)]
+        on, signs = np.append(on, beyond), np.append(signs, 0.0 * beyond)
     i, j = np.triu_indices(on.size, 1)
     may, left = signs[i] * signs[j] <= 0, indices[indices.imag > 0]
     if may.any():  # eigenvectors of pairs that a symmetry keeps apart are orthogonal all along

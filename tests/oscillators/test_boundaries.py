@@ -309,6 +309,21 @@ def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:
         assert np.cos(point["angle"]) == pytest.approx(both / 2, abs=1e-6)
 
 
+def test_a_curve_of_collisions_runs_close_beside_a_fold() -> None:
+    """Along it one of the two indices is 1 at LP, 1e-8 to the side in c."""
+    chain = cb.Oscillators(
+        "u**2/2 + u**3/10 + u**4/4", "c*(exp(r) - 1 - r)", cb.OpenChain(4),
+        masses=[0.64, 1.17, 0.75, 1.32],
+    )  # fmt: skip
+
+    def met(omega: float) -> cb.continuation.Point:
+        b = cb.breather(chain, {0: 1, 2: -1, 3: 1}, omega=omega, params={"c": 0.07})
+        return cb.trace(b, "c", within={"c": (0.07, 0.09)}, towards="up").first("KC")
+
+    line = cb.boundary(met(1.55), ("omega", "c"), within={"omega": (1.52, 1.56)}, towards="down")
+    assert abs(line[-1]["c"] - met(1.52)["c"]) < 1e-11
+
+
 @pytest.mark.parametrize("kind", ["PF", "PD", "LP", "KC"])
 def test_curves_are_the_same_where_nothing_is_eliminated(kind: str) -> None:
     """The equations of lattices of many sites, on one of few."""
