@@ -374,6 +374,14 @@ def _block(end: int, begin: int, point: Point) -> Array:
     return np.block([[block, last[:, None]], [first, np.zeros(1)]])
 
 
+def _least_two(matrix: Callable[[Point], Array], point: Point) -> float:
+    """Multiply the two least singular values, with the sign of the determinant. That is smooth
+    where two curves of singular matrices cross, too, as of modes of different symmetry."""
+    whole = matrix(point)
+    least = np.linalg.svd(whole, compute_uv=False)[-2:]
+    return float(np.copysign(least.prod(), np.linalg.slogdet(whole)[0]))
+
+
 def _examine_flip(point: Point) -> Examined:
     """By both at once, as of an orbit that is its own image, it touches -1 and leaves no circle."""
     sizes = np.linalg.svd(point.base_point.solution.half_map[[0, 1], [0, 1]], compute_uv=False)
@@ -425,9 +433,16 @@ def events_of_breather(equations: FlowEquations) -> tuple[Event, ...]:
     crossing = replace(BRANCH_POINT, test=Singular(bordered_matrix, _crosses))
     lp, turn, branch_point, pd, kc = conservative_events(crossing)
     said = {"said": "orbits branch off that are not their own images under a reversal of time"}
-    turned, *ends = (Singular(partial(_block, *at)) for at in ((0, 1), (0, 0), (1, 1)))
-    pf = replace(event_at(1.0, "PF", turned, said), examine=partial(_examine_reversal, said))
-    flips = [replace(pd, test=t, locus=partial(followed, t), examine=_examine_flip) for t in ends]
+    turned, *ends = (partial(_block, *at) for at in ((0, 1), (0, 0), (1, 1)))
+    loci = [partial(followed, partial(_least_two, block)) for block in (turned, *ends)]
+    pf = replace(
+        event_at(1.0, "PF", Singular(turned), said),
+        locus=loci[0], examine=partial(_examine_reversal, said),
+    )  # fmt: skip
+    flips = [
+        replace(pd, test=Singular(block), locus=locus, examine=_examine_flip)
+        for block, locus in zip(ends, loci[1:], strict=True)
+    ]
     born = Event("HB", partial(swing, FLAT), examine=_born, ends="branch")
     return lp, turn, branch_point, pf, *flips, kc, born, HOMOCLINIC
 

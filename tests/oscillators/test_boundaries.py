@@ -309,6 +309,23 @@ def test_the_curve_of_collisions_is_where_both_indices_are_one() -> None:
         assert np.cos(point["angle"]) == pytest.approx(both / 2, abs=1e-6)
 
 
+def test_curves_of_pd_of_modes_of_different_symmetry_cross() -> None:
+    """Two neighbours half a period apart have modes that are odd and even about them, which pass -1
+    together at c = 0.10563: the first PD on one side is the second on the other."""
+    chain = cb.Oscillators("1 - cos(u)", "c*(r**2/2 - r**3/5)", cb.Ring(4))
+
+    def flips(c: float) -> list[cb.continuation.Point]:
+        b = cb.breather(chain, {0: 1, 1: -1}, omega=0.722, params={"c": c})
+        branch = cb.trace(b, "omega", within={"omega": (0.718, 0.74)}, towards="both")
+        return [point for point in branch.special if point.kind == "PD"]
+
+    first, second = flips(0.1065)
+    for start, end in zip((first, second), flips(0.105)[::-1], strict=True):
+        line = cb.boundary(start, ("c", "omega"), within={"c": (0.105, 0.1065)}, towards="down")
+        assert line[-1]["omega"] == pytest.approx(end["omega"], abs=1e-10)
+        assert len(line) < 8
+
+
 def test_a_curve_of_collisions_runs_close_beside_a_fold() -> None:
     """Along it one of the two indices is 1 at LP, 1e-8 to the side in c."""
     chain = cb.Oscillators(
