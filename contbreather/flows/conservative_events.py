@@ -36,11 +36,12 @@ _MET = 1e-5  # the form of a unit vector that has no sign; and the overlap of tw
 # --- at +1 and -1 -------------------------------------------------------------------------------
 
 
-def nearest_to_minus_one(point: Point) -> float:
-    """Measure the index nearest to -1, with a sign that tells how many are beyond."""
+def nearest_to_minus_one(count: int, point: Point) -> float:
+    """Multiply how far off -1 as many of the nearest indices are, with a sign that tells how many
+    are beyond. Of two that is smooth where both are -1, too, and two curves of PD cross."""
     off = point.base_point.solution.indices + 1
     sides = np.sign(off.real[off.imag == 0])
-    return float(sides.prod() * abs(off).min()) if off.size else math.nan
+    return float(sides.prod() * np.sort(abs(off))[:count].prod()) if off.size else math.nan
 
 
 def examine_place(place: float, found: Examined, point: Point) -> Examined:
@@ -266,8 +267,9 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
         examine=partial(_examine_turn, beside), may_jump=True,
     )  # fmt: skip
     inverse = attrgetter("base_point.solution.inverse_hyperbolic")
-    pd = event_at(-1.0, "PD", nearest_to_minus_one, "", count=inverse)
-    pd = replace(pd, examine=_examine_flip)
+    nearest, two = (partial(nearest_to_minus_one, count) for count in (1, 2))
+    pd = event_at(-1.0, "PD", nearest, "", count=inverse)
+    pd = replace(pd, locus=partial(followed, two), examine=_examine_flip)
     kc = Event(
         "KC", _apart, count=_in_order, locus=partial(followed, _meeting),
         examine=_examine_collision,

@@ -633,3 +633,28 @@ def test_multipliers_may_be_larger_than_rounding_is_small() -> None:
     assert [point.kind for point in branch.special] == ["EP", "EP"]
     assert branch[-1]["k"] == 12
     assert not branch.doubtful
+
+
+def test_curves_of_pd_of_two_modes_cross_where_these_are_alike() -> None:
+    """Of two modes beside an orbit one has the frequency w: that of the other does not see it, and
+    both pass -1 together at w = 0.6."""
+
+    def field(t, x, p):
+        q, y, z, *v = x
+        springs = 0.36 + 0.1 * q, p["w"] ** 2 + 0.1 * q
+        return [*v, -q - q**3 - 0.05 * (y**2 + z**2), -springs[0] * y, -springs[1] * z]
+
+    def energy(x, p):
+        q, y, z, *v = x
+        beside = (0.36 + 0.1 * q) * y**2 + (p["w"] ** 2 + 0.1 * q) * z**2
+        return (sum(s**2 for s in v) + q**2 + q**4 / 2 + beside) / 2
+
+    start = {"q": 0.7} | dict.fromkeys(("y", "z", "vq", "vy", "vz"), 0.0)
+    orbit = cb.cycle(field, start, {"w": 0.61}, period=5.3, conserves=energy)
+    branch = cb.trace(orbit, "period", within={"period": (5.3, 5.6)}, towards="both")
+    own, other = (point for point in branch.special if point.kind == "PD")
+    line = cb.boundary(own, ("w", "period"), within={"w": (0.59, 0.61)}, towards="down")
+    assert line[-1]["w"] == 0.59
+    assert line[-1]["period"] > other["period"] > own["period"]
+    (cross,) = line.doubtful
+    assert (cross["w"], cross["period"]) == pytest.approx((0.6, other["period"]), abs=1e-8)
