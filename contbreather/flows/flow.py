@@ -499,7 +499,7 @@ def _repeats(
     """Compare f(t + T) with f(t); half of a symmetric orbit has half of the period, after which f
     is its mirror image."""
     i = np.arange(16)  # times at which functions are compared
-    t = later * (_GOLDEN * i % 1)
+    t = later * (_GOLDEN * (i + 0.5) % 1)  # not 0, where waves of a drive jump
     x = np.take(x, i * x.shape[1] // i.size, axis=1)
     x = x + offset(x)[:, None]  # at the origin x cos t vanishes
     now = values(function, t, x, p)

@@ -108,10 +108,12 @@ def guessed(period) -> cb.Problem:
         (lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + (np.cos(t) if p["F"] else 0.0)], {"F": 0.0}),
         (cb.Flow(lambda t, x, p: [x[1], -0.2 * x[1] - x[0]],
                  reset=lambda t, x, p: [x[0], x[1] + 0.1]), {}),
+        # 2 pi is just short of a period
+        (lambda t, x, p: [x[1], -0.2 * x[1] - x[0] + np.sign(np.sin(t))], {}),
     ],
-    ids=["no amplitude", "a short pulse", "switched off", "kicked"],
+    ids=["no amplitude", "a short pulse", "switched off", "kicked", "a square wave"],
 )  # fmt: skip
-def test_a_forcing_that_is_hardly_seen_may_have_a_period(flow, params) -> None:
+def test_a_forcing_that_is_hardly_seen_or_jumps_may_have_a_period(flow, params) -> None:
     problem = cb.cycle(flow, REST, params, period=TAU, settle=20)
     assert problem.start["period"] == pytest.approx(TAU)
 
