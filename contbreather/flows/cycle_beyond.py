@@ -296,7 +296,9 @@ def _hit(
         reason = "give the wall as the flow that ends there, walls=(cb.Flow(f, until=, reset=),)"
     elif first.until is None and first.reset:
         reason = "of half of a symmetric orbit no flow ends at a wall: follow the whole of it"
-    elif hit[0].f != following.f or (point.kind == "VI" and hit[1:]):
+    elif not _alike(hit[0].f, following.f, flight, point.params) or (
+        point.kind == "VI" and hit[1:]
+    ):
         reason = "a flow with the same f has to lead on, after a reset or one flow in between"
     elif not _stays(hit, flight, part, point):
         reason = (
@@ -306,6 +308,14 @@ def _hit(
     if reason:
         raise Undefined(f"{_UNKNOWN}{reason}")
     return hit, walls
+
+
+def _alike(f: Any, g: Any, flight: TrajectorySegment, p: Any) -> bool:
+    """Tell whether two fields are one along a flight, though each may be written anew."""
+    s, states = flight.sampled(2)
+    times = flight.start + flight.duration * s
+    one, other = (values(field, times, states, p) for field in (f, g))
+    return np.array_equal(one, other)
 
 
 def _stays(hit: Sequence[Flow], flight: TrajectorySegment, part: float, point: Point) -> bool:

@@ -215,6 +215,14 @@ def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
     assert met == [{right}, {right, left}]
 
 
+def test_a_field_that_is_written_anew_leads_on() -> None:
+    anew = cb.Flow(lambda t, x, p: field(t, x, p), until=right, reset=rebound)
+    within = {"s": (0.05, 0.3)}
+    grazing = cb.trace(without_impacts((anew,)), "s", within=within, towards="down").first("GR")
+    (hits,) = cb.switch(grazing, within=within)
+    assert max(misses(orbit) for orbit in hard(hits)[::4]) < 1e-9
+
+
 def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None:
     within = {"s": (0.05, 0.3)}
 
@@ -225,7 +233,7 @@ def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None
 
     rubs = cb.Flow(field, until=right, reset=lambda t, x, p: [x[0] - 0.1, -p["k"] * x[1]])
     refused(without_impacts(rubs), "a reset moves the state even where nothing is hit")
-    other = cb.Flow(lambda t, x, p: field(t, x, p), until=right, reset=rebound)
+    other = cb.Flow(lambda t, x, p: [x[1], -x[0]], until=right, reset=rebound)
     refused(without_impacts(other), "a flow with the same f has to lead on")
     mirror = cb.Flow(field, walls=(HIT,), reset=lambda t, x, p: [-x[0], -x[1]])
     start = {"x": -0.123, "v": 0.0}
