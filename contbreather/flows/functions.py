@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import math
 import warnings
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -373,17 +374,19 @@ def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Arr
 def kink(
     function: Function, motion: Callable[[Array], Array], times: Array, p: Params
 ) -> tuple[float, Array] | None:
-    """Find where along a motion a function jumps most, or its derivative across it, or rises as a
-    root does, and the state there; None where what changes between samples does so steadily."""
-    states = motion(times)
-    size = abs(values(function, times, states, p)).max(initial=0.0) or 1.0
-    steps = np.diag(_CENTRAL * np.ptp(states, axis=1))
+    """Find where along a motion a function jumps most, or its derivative in a state or in time, or
+    rises as a root does, and the state there; None where what changes does so steadily."""
+    places = np.vstack([motion(times), times])
+    size = abs(values(function, times, places[:-1], p)).max(initial=0.0) or 1.0
+    spread = np.ptp(places, axis=1)
+    steps = np.diag(_CENTRAL * spread)
 
     def looks(t: Array) -> Array:
-        x = motion(t.ravel())[:, :, None]
-        sides = np.concatenate([x, x + steps[:, None], x - steps[:, None]], axis=2)
-        rows = values(function, np.repeat(t, sides.shape[2]), sides.reshape(len(x), -1), p) / size
-        here, up, down = np.split(rows.reshape(len(rows), *t.shape, -1), [1, 1 + len(x)], axis=3)
+        z = np.vstack([motion(t.ravel()), t.ravel()])[:, :, None]
+        sides = np.concatenate([z, z + steps[:, None], z - steps[:, None]], axis=2)
+        x, at = sides[:-1].reshape(len(z) - 1, -1), sides[-1].ravel()
+        rows = values(function, at, x, p).reshape(-1, *t.shape, sides.shape[2]) / size
+        here, up, down = np.split(rows, [1, 1 + len(z)], axis=3)
         return np.moveaxis(np.concatenate([here, (up - down) / (2 * _CENTRAL)], axis=3), 0, 2)
 
     # of each time between samples what changes most, and a piece on either side: a root sets in
@@ -391,6 +394,9 @@ def kink(
     t = times[:-1] + np.diff(times) * np.arange(-1, 3)[:, None]
     t = t.clip(times[0], times[-1])
     seen, most = looks(t), np.zeros(times.size - 1)
+    # of states that hardly vary these are differences of large terms, which round
+    larger = abs(places).max(axis=1) / np.where(spread, spread, math.inf)
+    rounded = 4 * math.ulp(1.0) / _CENTRAL * (abs(seen[..., 1:]) @ larger).max(initial=0.0)
     for _ in range(_HALVED):
         between = (t[:-1] + t[1:]) / 2
         t = np.insert(t, [1, 2, 3], between, axis=0)
@@ -405,4 +411,5 @@ def kink(
     most = np.maximum.reduce([most, np.roll(most, 1), np.roll(most, -1)])
     jump = np.where(left > 0.5 ** (_HALVED / 1.5) * most, left, 0.0)
     k = int(jump.argmax())
-    return (float(t[1, k]), motion(t[1:2, k])[:, 0]) if jump[k] > _UNSEEN else None
+    found = float(t[1, k]), motion(t[1:2, k])[:, 0]
+    return found if jump[k] > max(_UNSEEN, rounded) else None

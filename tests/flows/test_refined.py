@@ -537,6 +537,16 @@ def test_a_kink_is_what_no_halving_of_the_time_resolves(width: float) -> None:
         assert found[1][0] == pytest.approx(0.3, abs=1e-3)
 
 
+def test_rounding_along_a_tiny_orbit_is_no_kink() -> None:
+    def motion(t: Any) -> Any:
+        return np.array([20 + 1e-7 * np.cos(t), 3 + 3e-9 * np.sin(t)])
+
+    def field(t: Any, x: Any, p: Any) -> Any:
+        return x[1] ** 3 - 27, 8000 - x[0] ** 3
+
+    assert kink(field, motion, np.linspace(0.0, 2 * np.pi, 81), {}) is None
+
+
 def test_a_branch_sets_out_both_ways_from_a_start_far_from_where_it_was_last() -> None:
     """Cells that divide (Novak and Tyson), with one fast state: from slopes far off those inside
     an interval of the start have another root. Its period is by `solve_ivp`."""
