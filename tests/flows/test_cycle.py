@@ -1080,3 +1080,14 @@ def test_a_swing_that_dies_out_is_rest_up_to_where_it_is_pumped(settle: float) -
     branch = cb.trace(rest, "a", within={"a": (0, 1)}, towards="both")
     assert [at.kind for at in branch.special] == ["EP", "PD", "EP"]
     assert branch.first("PD")["a"] == pytest.approx(brentq(doubled, 0.3, 0.5), abs=1e-9)
+
+
+def test_a_parameter_that_rests_turns_back_nowhere() -> None:
+    """At b = 1 every current comes back after two strokes of the clock: rounding moves b."""
+    rises = cb.Flow(lambda t, x, p: [1 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])
+    falls = cb.Flow(lambda t, x, p: [-p["b"] + 0 * x[0]], at=0)
+    strokes = cb.cycle([rises, falls], {"i": 0.7}, {"b": 0.8}, period=0.5, settle=30)
+    point = cb.trace(strokes, "b", within={"b": (0.5, 3)}).first("PD")
+    (twice,) = cb.switch(point, within={"b": (0.5, 3)})
+    assert abs(twice["b"] - 1).max() < 1e-10
+    assert not [at for at in (*twice.special, *twice.doubtful) if at.kind == "LP"]

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined
+from ..algebra.newton import OUT_OF_DOMAIN, Array, Solution, Undefined, rounding
 from ..curve.curve import LEVEL, Curve
 from ..curve.point import Event, Point, Value
-from ..systems.defining_systems import singular_between
+from ..systems.defining_systems import least_in_unknowns, singular_between
 
 ASIDE = 1e-7  # how far beside an event its test is looked at, relative to the step
 _CLOSE = 0.2  # two zeros within this fraction of a step are looked for on a shorter piece
@@ -89,10 +89,19 @@ class StepInterpolant:
 
     def moves(self, point: Point) -> bool:
         """Tell whether the free parameter is elsewhere at an end, by more than rounding of its
-        value or of a unit vector: along a line of solutions it seems to turn back anywhere."""
-        value, size = point.z[-1], self.length * self.curve.scales[-1]
-        rounding = 4 * math.ulp(1.0) * (abs(value) + size)
-        return any(abs(end.z[-1] - value) > rounding for end in (self.first, self.last))
+        value, of a unit vector or of the equations: along a line of solutions, or where an orbit
+        all but rests, it seems to turn back anywhere."""
+        curve, z, size = self.curve, point.z, self.length * self.curve.scales[-1]
+        matrix, weak = curve.jacobian(z), least_in_unknowns(curve, z).left / curve.row_scales
+        # weak . H = push dp, to first order: the unknowns do not change it
+        push = abs(float((weak @ matrix)[-1])) or math.inf
+        least = 4 * math.ulp(1.0) * (abs(z[-1]) + size)
+        least += float(np.linalg.norm(weak * rounding(matrix, z))) / push
+
+        def off(end: Point) -> float:
+            return abs(end.z[-1] - z[-1]) - abs(float(weak @ curve.equations(end.z))) / push
+
+        return any(off(end) > least for end in (self.first, self.last))
 
     def off(self, u: float, z: Array) -> float:
         """How far the cubic is off the point of the curve at u, relative to the step."""
