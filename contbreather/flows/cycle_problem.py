@@ -334,7 +334,7 @@ class Cycle(HtmlRepr):
                     t, x = found
                     return (
                         f"the field is not smooth {place(t, x)}: give what holds on either side "
-                        "as a Flow with `until`"
+                        "as a Flow with `until`, or with `at` where a clock decides"
                     )
         return ""
 
@@ -570,6 +570,8 @@ class CycleProblem(Problem):
         # of a forced orbit none is known to be 1: what a kink leaves in others shows nowhere else
         small = not isinstance(self.residual, SparseFlowEquations)
         unseen = point.kind and self.residual.period and small
+        if unseen and point.kind in CRITICAL and orbit.kink and (why := orbit.coarse(point.kind)):
+            return why
         worst = orbit.multipliers_off(orbit.x) if orbit.turns_fast or unseen else 0.0
         if worst > RESOLVED and (orbit.turns_fast or orbit.kink):
             return orbit.too_coarse(f"multipliers are {worst:.1g} off, ")

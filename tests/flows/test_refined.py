@@ -523,6 +523,33 @@ def test_events_of_a_forced_orbit_that_a_kink_displaces_are_in_doubt_and_say_whe
     assert "as a Flow with `until`" in place.detail["reason"]
 
 
+def test_a_fold_that_a_kink_in_time_displaces_is_in_doubt() -> None:
+    """Duffing's oscillator under a triangle wave: its label was 1.2e-4 off."""
+
+    def under(side: Any) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            angle = np.real(p["w"] * t)
+            drive = 2 / np.pi * np.arctan2(np.sin(angle), side(np.cos(angle)))
+            return x[1], -0.2 * x[1] - x[0] - x[0] ** 3 + 0.5 * drive
+
+        return f
+
+    rises, falls = cb.Flow(under(np.positive), at=0.25), cb.Flow(under(np.negative), at=0.75)
+    rest, at = {"x": 0.0, "v": 0.0}, {"w": 1.0}
+    starts = (
+        cb.cycle(flows, rest, at, period=lambda p: 2 * np.pi / p["w"], settle=100)
+        for flows in ([rises, falls], under(abs))
+    )
+    exact, one = (cb.trace(start, "w", within={"w": (1.0, 2.4)}) for start in starts)
+    fold, _ = (point["w"] for point in exact.special if point.kind == "LP")
+    assert not exact.doubtful
+    assert [point.kind for point in one.special] == ["EP", "LP", "EP"]
+    (place,) = one.doubtful
+    assert place["w"] != pytest.approx(fold, abs=5e-5)
+    assert "no multiplier is there" in place.detail["reason"]
+    assert "with `at` where a clock decides" in place.detail["reason"]
+
+
 @pytest.mark.parametrize("width", [1e-1, 1e-2, 1e-3, 1e-4, 0.0])
 def test_a_kink_is_what_no_halving_of_the_time_resolves(width: float) -> None:
     def motion(t: Any) -> Any:
