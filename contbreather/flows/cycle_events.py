@@ -42,6 +42,7 @@ from .functions import Function, Params, slopes, values
 from .homoclinic import HOMOCLINIC, Lasting
 from .integrate import bottom
 from .rotation import moves
+from .rounds import REPEATS, RETURNS
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _LOOKS = 16  # around it
@@ -76,11 +77,21 @@ def examine_swing(least: float, point: Point) -> Examined:
     turns as the linear equations have it, x' = J x, but for the square of its size."""
     orbit: Cycle = point.base_point.solution
     place, s = orbit.equations.linearised(orbit.x, orbit.params), np.arange(_LOOKS) / _LOOKS
-    states = orbit.flights[0].at(s)
-    turn, center = states @ np.exp(-2j * math.pi * s), states.mean(axis=1)[:, None]
+    rounds = [first := orbit.flights[0].at(s)]
+    same = REPEATS * np.ptp(first, axis=1).max()
+    while orbit.mirror and len(rounds) < RETURNS:  # of a half, or a smaller part, the whole
+        image = values(orbit.mirror, orbit.flights[0].last, rounds[-1], place.params)
+        if abs(image - first).max() <= same:
+            break
+        rounds.append(image)
+    # a reset leads from the end of a part to its beginning: it comes to those before
+    states, period = np.hstack([first, *rounds[:0:-1]]), len(rounds) * orbit.period
+    turns = np.fft.fft(states)
+    times = 1 + int(np.linalg.norm(turns[:, 1 : _LOOKS // 2], axis=0).argmax())
+    turn, center = turns[:, times], states.mean(axis=1)[:, None]
     derivative = slopes(orbit.equations.flows[0].f, 0.0, center, place.params)[1]
     along = derivative[:, : turn.size, 0] @ turn
-    turned = 2j * math.pi / orbit.period * turn
+    turned = 2j * math.pi * times / period * turn
     square = np.vdot(turned, turned).real
     small = np.linalg.norm(along - turned) <= least * math.sqrt(square)
     # it grows, along folds, by the fourth power of its size

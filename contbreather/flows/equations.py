@@ -199,7 +199,8 @@ class FlowEquations:
     @cached_property
     def shrinks(self) -> bool:
         """Tell whether such a cycle may shrink to an equilibrium."""
-        return self.autonomous and self.smooth and self.flows[0].reset is None
+        turns = isinstance(self.flows[0].reset, TurnedBack)
+        return self.autonomous and self.smooth and not turns
 
     @property
     def standing(self) -> Any:

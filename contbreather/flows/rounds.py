@@ -18,7 +18,7 @@ from .jacobian import FieldWithJacobian, at_other_time
 from .rotation import moves, unturned
 
 RETURNS = 24  # so many flows back is looked for a return
-_REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
+REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
 _LOOKS = 4  # into each interval for that
 
 
@@ -106,7 +106,7 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
         written = equations.unknowns([replace(piece, start=start)], p)
         return np.concatenate([*map(np.ravel, written.values())])
 
-    rounds, near = [x[nodes]], _REPEATS * equations.sizes[0].max()
+    rounds, near = [x[nodes]], REPEATS * equations.sizes[0].max()
     for _ in range(RETURNS):  # back to where a mirror has led to itself
         rounds.insert(0, before(rounds[0].T).T)
         if not moves(equations.flows[0]) or abs(rounds[0] - rounds[-1]).max() <= near:
@@ -174,13 +174,12 @@ def _repeats(
         later = flight.at(s + 1 / rounds)
         if reset is not None:
             later = values(reset, flight.start + flight.duration * s, later, p)
-        return bool(abs(later - flight.at(s)).max() <= _REPEATS * equations.sizes[0].max())
+        return bool(abs(later - flight.at(s)).max() <= REPEATS * equations.sizes[0].max())
     pairs = zip(flows, flows[part:], flights, flights[part:], equations.sizes, strict=False)
     return not rest and all(
         [*map(_first, (flow.f, flow.reset))] == [*map(_first, (successor.f, successor.reset))]
         and now.dimension == then.dimension
-        and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max()
-        <= _REPEATS * size.max()
+        and abs(then.at((looks := now.sampled(_LOOKS))[0]) - looks[1]).max() <= REPEATS * size.max()
         for flow, successor, now, then, size in pairs
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import pickle
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
@@ -1091,3 +1092,30 @@ def test_a_parameter_that_rests_turns_back_nowhere() -> None:
     (twice,) = cb.switch(point, within={"b": (0.5, 3)})
     assert abs(twice["b"] - 1).max() < 1e-10
     assert not [at for at in (*twice.special, *twice.doubtful) if at.kind == "LP"]
+
+
+@pytest.mark.parametrize(("parts", "passed"), [(2, 1), (3, 1), (3, 2)])
+def test_a_part_of_a_symmetric_orbit_shrinks_to_its_hopf_point(parts: int, passed: int) -> None:
+    """Rotating waves of a ring of cells z' = (m + i - |z|^2) z, linked one way: the state a part of
+    a turn later is the ring shifted by one. Two cells are half a period off each other."""
+
+    def cells(t, x, p):
+        u, w = np.split(x, 2)
+        grows, back = p["m"] - u * u - w * w, partial(np.roll, shift=1, axis=0)
+        link = 0.3 * (back(u) - u), 0.3 * (back(w) - w)
+        return np.concatenate([grows * u - w + link[0], u + grows * w + link[1]])
+
+    def shifted(t, x, p):
+        return np.concatenate([np.roll(half, 1, 0) for half in np.split(x, 2)])
+
+    apart = 2 * np.pi * passed / parts  # by so much each cell is ahead of the one before
+    link = 0.3 * (np.exp(-1j * apart) - 1)
+    rate, size = 1 + link.imag, np.sqrt(1 + link.real)
+    t = np.linspace(0, apart / rate, 50)
+    wave = size * np.exp(1j * (rate * t + apart * np.arange(parts)[:, None]))
+    part = cb.Flow(cells, reset=shifted)
+    found = cb.cycle([part], (t, np.concatenate([wave.real, wave.imag])), {"m": 1.0})
+    branch = cb.trace(found, "m", within={"m": (-1, 2)})
+    assert {branch.special[0].kind, branch.special[-1].kind} == {"EP", "HB"}
+    assert branch.first("HB")["m"] == pytest.approx(-link.real, abs=1e-8)
+    assert not branch.doubtful
