@@ -23,6 +23,7 @@ from ..continuation.algebra.newton import Array
 from ..continuation.algebra.sparse import Dense, Factors, dense, is_sparse
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import meeting, unresolved
+from ..continuation.branches.boundary import codim_two
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
@@ -127,39 +128,110 @@ def _signed(
     return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
 
 
-def _nearest_two(point: Point, known: float | None = None) -> tuple[float, float]:
+def _apart_by_symmetry(matrix: Array, indices: NDArray[Any], each: int) -> NDArray[np.bool_]:
+    """Tell of each two indices whether a symmetry keeps their pairs apart: eigenvectors, as many of
+    each, are orthogonal all along then."""
+    values, vectors = np.linalg.eig(matrix)
+    of = vectors[:, abs(values[:, None] - indices).argsort(axis=0)[:each]]
+    overlaps = abs(np.einsum("kai,kbj->abij", of.conj(), of)).max(axis=(0, 1))
+    return np.asarray(overlaps <= _MET)
+
+
+def _nearest_two(point: Point) -> tuple[float, float]:
     """Square of the distance of the nearest two indices that may leave the real axis together, less
-    than zero where an odd number of twos has left it; and what is halfway between them. Along a
-    curve, where that is `known`, those two, however close others are."""
+    than zero where an odd number of twos has left it; and what is halfway between them."""
     indices, matrix, form, _ = point.base_point.solution.passing
     on, signs = _signed(indices, matrix, form) if indices.size > 1 else (np.empty(0), np.empty(0))
-    if known is not None:  # where one of those two is beyond +-1 they are the same two
-        beyond = indices.real[(indices.imag == 0) & (abs(indices.real) >= 1)]
-        on, signs = np.append(on, beyond), np.append(signs, 0.0 * beyond)
     i, j = np.triu_indices(on.size, 1)
     may, left = signs[i] * signs[j] <= 0, indices[indices.imag > 0]
-    if may.any():  # eigenvectors of pairs that a symmetry keeps apart are orthogonal all along
-        values, vectors = np.linalg.eig(matrix)
-        each = len(values) // (indices.size + 1)  # how often it has each index
-        of = vectors[:, abs(values[:, None] - on).argsort(axis=0)[:each]]
-        overlaps = abs(np.einsum("kai,kbj->abij", of.conj(), of)).max(axis=(0, 1))
-        may &= overlaps[i, j] > _MET
+    if may.any():
+        may &= ~_apart_by_symmetry(matrix, on, len(matrix) // (indices.size + 1))[i, j]
     squares = np.concatenate([(on[i] - on[j])[may] ** 2, 4 * left.imag**2])
     if not squares.size:
         return math.nan, math.nan
     middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
-    if known is not None:
-        k = (squares + (middles - known) ** 2).argmin()
-        return float(squares[k] if k < may.sum() else -squares[k]), max(-1.0, min(middles[k], 1.0))
-    return float((-1) ** left.size * squares[k]), max(-1.0, min(middles[k], 1.0))
+    return float((-1) ** left.size * squares[k]), float(middles[k])
+
+
+def _about(point: Point, index: float) -> tuple[Array, NDArray[np.complex128]]:
+    """How far above the two indices that meet at it one is, and above the others that may meet
+    them, in the order of their distances."""
+    indices, matrix, form, _ = point.base_point.solution.passing
+    off, signs, size = index - indices, _signs(indices, matrix, form), indices.size
+    may = ~_apart_by_symmetry(matrix, indices, len(matrix) // (size + 1))
+    twos = may & (np.multiply.outer(signs, signs) <= 0) & ~np.eye(size, dtype=bool)
+    if not twos.any():
+        return np.full(2, math.nan), off[:0]
+    far = np.where(twos, np.add.outer(abs(off) ** 2, abs(off) ** 2), math.inf)
+    two = np.array(np.unravel_index(far.argmin(), far.shape))
+    others = np.setdiff1d(np.flatnonzero(may[two].any(axis=0)), two)
+    return off[two], off[others[abs(off[others]).argsort(kind="stable")]]
 
 
 def _meeting(point: Point, *angle: float) -> tuple[float, float]:
     """Find that square, and the angle at which multipliers of the whole orbit are; where those of
-    half of it pass i it passes pi, at which curves of collisions go on."""
+    half of it pass i it passes pi, at which curves of collisions go on. At a given angle the
+    polynomial of the two indices that meet there, and its slope: with the next one that may meet
+    them, so that both are smooth where all three do; and where two come to +1 or -1."""
     turns = point.base_point.solution.passing[-1]
-    square, middle = _nearest_two(point, *(math.cos(each / turns) for each in angle))
-    return square, turns * math.acos(middle)
+    if not angle:
+        square, middle = _nearest_two(point)
+        return square, turns * math.acos(max(-1.0, min(middle, 1.0)))
+    two, others = _about(point, math.cos(angle[0] / turns))
+    if others.size:
+        others = others[(others == others[0]) | (others == others[0].conjugate())]
+    factors, beside = np.append(two, others), float(others.prod().real)
+    slope = float(sum(np.delete(factors, k).prod() for k in range(factors.size)).real)
+    # less what it is for being off the middle of two, so that Newton's iteration keeps to its side
+    # of where two curves cross
+    off = slope**2 * beside / (4 * (beside**2 + STEP**2))
+    return float(factors.prod().real) - off, slope
+
+
+def _collisions(point: Point) -> DefiningSystem:
+    """The curve of collisions, to where both pairs are at +1 (R1) or -1 (R2): beyond they are real,
+    and it comes back on itself with an angle of the other sign. Other events there are theirs."""
+    meets: dict[str, tuple[Event, ...]] = {}
+    for event in point.curve.problem.events:
+        if event.kind in ("LP", "BP", "PF", "PD"):
+            met = codim_two("KC", event)
+            met = replace(met, examine=partial(_examine_beside, met.examine))
+            meets[event.kind] = (*meets.get(event.kind, ()), met)
+    ends = Event("R1", _at_an_end, examine=_examine_end, ends="branch")
+    cusp = Event("CP", _beyond_others, examine=_examine_cusp)
+    return replace(followed(_meeting, point), events=(ends, cusp), meets=meets)
+
+
+def _at_an_end(point: Point) -> float:
+    return math.sin(point["angle"] / point.base_point.solution.passing[-1])
+
+
+def _examine_end(point: Point) -> Examined:
+    kind, place = ("R1", "+1") if math.cos(point["angle"]) > 0 else ("R2", "-1")
+    return {"kind": kind, "said": f"both pairs are {place} there, and beyond it real"}
+
+
+def _examine_beside(examine: Any, point: Point) -> Examined:
+    return NOTHING if _at_an_end(point) ** 2 < 2 * NEAR else examine(point)
+
+
+def _beyond_others(point: Point) -> float:
+    """Vanish where a third pair that may meet the two is there, too."""
+    turns = point.base_point.solution.passing[-1]
+    others = _about(point, math.cos(point["angle"] / turns))[1]
+    return float(others.prod().real) if others.size else math.nan
+
+
+def _examine_cusp(point: Point) -> Examined:
+    return unresolved(point) or {"said": "three pairs meet: the curve turns back with two of them"}
+
+
+def _signs(indices: NDArray[np.complex128], matrix: Array, form: Array | None) -> Array:
+    """Krein signatures of all pairs, 0 for those that are not on the circle, too."""
+    on, signs = _signed(indices, matrix, form)
+    every = np.zeros(indices.size)
+    every[np.isin(indices, on)] = signs
+    return every
 
 
 def _in_order(point: Point) -> Array:
@@ -169,10 +241,7 @@ def _in_order(point: Point) -> Array:
     taken. Without signatures how many have left the axis."""
     orbit = point.base_point.solution
     indices, *about, _ = orbit.passing
-    on, signs = _signed(indices, *about)
-    each = np.zeros(indices.size)
-    each[np.isin(indices, on)] = signs
-    sums = each[(-indices.real).argsort(kind="stable")].cumsum()[:-1]
+    sums = _signs(indices, *about)[(-indices.real).argsort(kind="stable")].cumsum()[:-1]
     if about[1] is None:
         sums[-1:] = orbit.quadruplets
     return sums
@@ -184,7 +253,7 @@ def _apart(point: Point) -> float:
 
 def _examine_collision(point: Point) -> Examined:
     square, middle = _nearest_two(point)
-    if not abs(square) < NEAR or abs(middle) == 1.0:
+    if not abs(square) < NEAR or not abs(middle) < 1.0:
         return unresolved(point) or "no two pairs of multipliers meet on the unit circle"
     values, vectors = np.linalg.eig(point.base_point.solution.passing[1])
     each, met = _nearest(point, values, middle)
@@ -230,7 +299,7 @@ def followed(test: Callable[[Point], Any], point: Point) -> DefiningSystem:
 
 def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
     """Evaluate it at the nearest orbit, so that across solutions nothing changes."""
-    return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]), *extra)) - np.append(0.0, extra)
+    return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]), *extra))
 
 
 def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
@@ -241,7 +310,11 @@ def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) 
         np.array([np.atleast_1d(test(Point(curve, at), *extra)) for at in places]), 2
     )
     slopes = (ahead - behind).T / (2 * STEP) @ (ways * units)
-    return np.hstack([slopes, -np.eye(1 + extra.size)[:, 1:]])
+    here, steps = Point(curve, nearest), STEP * np.eye(extra.size)
+    along = [
+        (np.array(test(here, *(extra + s))) - test(here, *(extra - s))) / (2 * STEP) for s in steps
+    ]
+    return np.column_stack([slopes, *along])
 
 
 def _beside(curve: Curve, z: Array) -> tuple[Array, Array]:
@@ -271,7 +344,7 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     pd = event_at(-1.0, "PD", nearest, "", count=inverse)
     pd = replace(pd, locus=partial(followed, two), examine=_examine_flip)
     kc = Event(
-        "KC", _apart, count=_in_order, locus=partial(followed, _meeting),
+        "KC", _apart, count=_in_order, locus=_collisions,
         examine=_examine_collision,
     )  # fmt: skip
     return lp, turn, branch_point, pd, kc

@@ -341,6 +341,44 @@ def test_a_curve_of_collisions_runs_close_beside_a_fold() -> None:
     assert abs(line[-1]["c"] - met(1.52)["c"]) < 1e-11
 
 
+def test_a_curve_of_collisions_ends_where_both_pairs_come_to_one() -> None:
+    """Above R1 of the same chain two pairs collide beside the fold, below it none."""
+    chain = cb.Oscillators(
+        "u**2/2 + u**3/10 + u**4/4", "c*(exp(r) - 1 - r)", cb.OpenChain(4),
+        masses=[0.64, 1.17, 0.75, 1.32],
+    )  # fmt: skip
+
+    def met(omega: float) -> list[cb.continuation.Point]:
+        b = cb.breather(chain, {0: 1, 2: -1, 3: 1}, omega=omega, params={"c": 0.07})
+        branch = cb.trace(b, "c", within={"c": (0.07, 0.075)}, towards="up")
+        fold = branch.special[-1 - [p.kind for p in branch.special[::-1]].index("LP")]
+        return [p for p in branch.special if p.kind == "KC" and abs(p["c"] - fold["c"]) < 1e-5]
+
+    start, *others = met(1.515)
+    assert not others
+    line = cb.boundary(start, ("omega", "c"), within={"omega": (1.5, 1.52)}, towards="down")
+    assert [point.kind for point in line.special] == ["EP", "R1"]
+    assert line[-1]["angle"] == pytest.approx(0.0, abs=1e-9)
+    assert line[-1]["omega"] == pytest.approx(1.50929, abs=1e-5)
+    assert len(met(1.5105)) == 1
+    assert not met(1.5085)
+
+
+def test_a_curve_of_collisions_turns_back_where_three_pairs_meet() -> None:
+    """A cusp, with those of one of the two pairs and the third beyond: by another branch."""
+    chain = cb.Oscillators(
+        "u**2/2 + u**6/6", "c*(r**2/2 - r**3/5)", cb.OpenChain(4), masses=[1.48, 0.68, 1.36, 0.62]
+    )
+    b = cb.breather(chain, {0: 1, 1: -1, 2: -1, 3: -1}, omega=1.353, params={"c": 0.0819})
+    branch = cb.trace(b, "omega", within={"omega": (1.3, 1.57)}, towards="both")
+    first, second = (point for point in branch.special if point.kind == "KC")
+    line = cb.boundary(first, ("c", "omega"), within={"c": (0, 0.0819)}, towards="down")
+    assert [point.kind for point in line.special] == ["EP", "CP", "EP"]
+    assert line[-1]["omega"] == pytest.approx(second["omega"], abs=1e-8)
+    indices = line.first("CP").solution.indices
+    assert abs(indices - indices.mean()).max() < 1e-3
+
+
 @pytest.mark.parametrize("kind", ["PF", "PD", "LP", "KC"])
 def test_curves_are_the_same_where_nothing_is_eliminated(kind: str) -> None:
     """The equations of lattices of many sites, on one of few."""

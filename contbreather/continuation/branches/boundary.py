@@ -209,7 +209,8 @@ def boundary_problem(
         met = [e for e in met if not (isinstance(e, CodimensionTwo) and e.base.ends == "domain")]
     for other in active:
         if other.kind != event.kind and other.test is not None:
-            met += locus.meets.get(other.kind, (codim_two(kind, other),))
+            beside = locus.meets.get(other.kind, (codim_two(kind, other),))
+            met += [e for e in beside if e not in met]
     make = partial(
         BoundaryProblem, events=tuple(met), record=record, label=titled(f"{kind} boundary", base),
         asked=events, inadmissible=inadmissible,
