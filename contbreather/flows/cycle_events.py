@@ -531,7 +531,7 @@ def _clearances(orbit: Cycle) -> Iterator[Margin]:
         elif touch.place in (0.0, 1.0) and not _goes_round(orbit.equations):
             system = partial(reached(touch.place, slice(1)).system)
         words = getattr(flow.guards[touch.guard], "words", (f"flow {touch.flow}", touch.guard))
-        said = f"{words[0]} touches {words[1]} at t = {touch.time:.6g}"
+        said = f"{words[0]} touches {words[1]} at t = {touch.time % orbit.period:.6g}"
         yield Margin(touch.clearance, system, said, touch.flow, touch.guard, touch.place)
 
 
@@ -542,7 +542,7 @@ def _rates(orbit: Cycle) -> Iterator[Margin]:
         assert flow.until is not None
         system = _Reached(orbit.equations, i, flow.until, 1.0, slice(1, 2)).vanishing  # no change
         words = getattr(flow.until, "words", (f"flow {i}", "its end"))
-        said = f"{words[0]} only just reaches {words[1]} at t = {flight.last:.6g}"
+        said = f"{words[0]} only just reaches {words[1]} at t = {flight.last % orbit.period:.6g}"
         yield Margin(rate, system, said, i)
 
 

@@ -218,7 +218,8 @@ def _behind(point: Any) -> str:
     if touch.clearance > -AT_ONCE:
         return ""
     wall = orbit.equations.flows[touch.flow].guards[touch.guard]
-    return f"site {wall.site} is behind a wall, which it would hit, too, at t = {touch.time:.6g}"
+    t = touch.time % orbit.period
+    return f"site {wall.site} is behind a wall, which it would hit, too, at t = {t:.6g}"
 
 
 # --- catalogue ----------------------------------------------------------------------------------

@@ -330,3 +330,16 @@ def test_a_breather_behind_a_wall_is_refused_with_the_site() -> None:
     )  # fmt: skip
     with pytest.raises(cb.errors.NoSolution, match=r"by 0\.1\d* of the coupling site 1 is behind"):
         cb.breather(pair, {0: 1}, omega=1.3, params={"c": 0.2})
+
+
+def test_the_time_of_a_touch_is_within_the_period() -> None:
+    """As `states` takes it."""
+    pair = cb.Oscillators(
+        "u**2/2 + u**4/20", "c*r**2/2", cb.OpenChain(2),
+        damping=0.03, drive="cos(omega*t)/2", walls=1.0, k=0.75,
+    )  # fmt: skip
+    b = cb.breather(pair, {0: 1}, omega=1.3, params={"c": 0.01})
+    branch = cb.trace(b, "c", within={"c": (0, 0.2)}, towards="up")
+    t = float(branch.reason.rpartition("t = ")[2])
+    assert 0 < t < 2 * np.pi / 1.3
+    assert abs(branch[-1].solution.states(t)[1]) == pytest.approx(1.0, abs=1e-5)
