@@ -190,8 +190,8 @@ def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) 
             branch = trace(first, SHARE, within={SHARE: (0.0, upto)}, towards="up", events=ends)
         except (BadInput, NotConverged) as error:
             raise NoSolution(
-                f"{code}: without coupling it cannot be continued on as many intervals, of which "
-                f"collocation= takes more; {resonance(chain, omega, at)[0]}"
+                f"{code}: without coupling it cannot be continued: a site at rest is in resonance, "
+                f"or it takes more intervals (collocation=); {resonance(chain, omega, at)[0]}"
             ) from error
         last: Any = branch[-1]
         start = in_another_order(last.solution, chain, code, scheme) if chain.walls else None

@@ -311,5 +311,5 @@ class _Beneath:
 
 
 def _examine_crossing(point: Point) -> str:
-    reason = "the boundary is singular here, but the branches it is on do not cross"
+    reason = "the boundary is singular here, as where two cross, but the branches it is on do not"
     return "" if branches_cross(point.base_point) else reason
