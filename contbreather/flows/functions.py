@@ -389,10 +389,10 @@ def kink(
         here, up, down = np.split(rows, [1, 1 + len(z)], axis=3)
         return np.moveaxis(np.concatenate([here, (up - down) / (2 * _CENTRAL)], axis=3), 0, 2)
 
-    # of each time between samples what changes most, and a piece on either side: a root sets in
-    # there or just ahead, where it is steepest
+    # of each time between samples what changes most, and a piece on either side, within the next
+    # samples: a root sets in there or just ahead, where it is steepest
     t = times[:-1] + np.diff(times) * np.arange(-1, 3)[:, None]
-    t = t.clip(times[0], times[-1])
+    t = t.clip(np.append(times[0], times[:-2]), np.append(times[2:], times[-1]))
     seen, most = looks(t), np.zeros(times.size - 1)
     # of states that hardly vary these are differences of large terms, which round
     larger = abs(places).max(axis=1) / np.where(spread, spread, math.inf)

@@ -624,6 +624,16 @@ def test_a_field_that_sets_in_as_a_root_is_not_smooth(power: float, least: int, 
     np.testing.assert_allclose(off, 0.0, atol=1e-3)
 
 
+def test_a_front_beside_a_long_interval_is_no_kink() -> None:
+    """As of van der Pol at mu = 40: there was one, in a field of polynomials."""
+
+    def motion(t: Any) -> Any:
+        return np.array([np.tanh(t / 0.01)])
+
+    times = np.concatenate([[-1.0], np.linspace(-0.08, 0.08, 65), [1.0]])
+    assert kink(lambda t, x, p: x - x**3, motion, times, {}) is None
+
+
 def test_where_a_field_has_no_values_beside_an_orbit_it_is_not_said_to_have_a_kink() -> None:
     def tank(t: Any, x: Any, p: Any) -> Any:
         if np.any(np.real(x[0]) < p["least"]):
