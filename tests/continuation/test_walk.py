@@ -208,6 +208,11 @@ def test_a_steep_slope_is_no_edge() -> None:
     branch = trace(steep, "mu", within={"x": (-3, 3)})
     assert (branch["x"].min(), branch["x"].max()) == (-3, 3)
 
+    # as coverage of a surface with rates in 1/s, down to no pressure: its last digits move nothing
+    rates = zoo.scalar(lambda x, p: 1e13 * (p["mu"] * (1 - x) - x) + 1 - x, 0.5, {"mu": 1.0})
+    branch = trace(rates, "mu", within={"mu": (0, 2)})
+    assert (branch["mu"].min(), branch["mu"].max()) == (0, 2)
+
 
 def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:
     branch, calls = ending(lambda x, p: x * p["mu"] - 1, steps=Steps(most=300))

@@ -164,35 +164,25 @@ def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = 
 
     Raises `Undefined` where there is none, as of a root at the edge of its domain.
     """
-    slopes, shifted = [], z.astype(complex)
-    columns = range(z.size) if columns is None else [*columns]
-    for i in columns:
+    shifted = z.astype(complex)
+
+    def moved(i: int, step: float) -> Array:
         # Im f(z + ih) / h = f' - h^2 f''' / 6 + ...
         # (W. Squire and G. Trapp, SIAM Rev. 40, 110, 1998)
-        shifted[i] += 1j * IMAGINARY
-        slopes.append(function(shifted).imag)
+        shifted[i] += 1j * step
+        rows = function(shifted).imag
         shifted[i] = z[i]
-    matrix = np.array(slopes).T.copy() / IMAGINARY
-    # the imaginary part of sqrt(ih) is no slope times h: as large, it is held to the last digits
-    if abs(matrix).max(initial=0.0) > 1e-3 / math.sqrt(IMAGINARY):
-        for i, slope in zip(columns, matrix.T, strict=True):
-            _last_digits_move(function, z, i, slope)
+        return rows
+
+    columns = range(z.size) if columns is None else [*columns]
+    matrix = np.array([moved(i, IMAGINARY) for i in columns]).T.copy() / IMAGINARY
+    # the imaginary part of sqrt(ih) is as large, and in no proportion to h
+    sizes, large = abs(matrix), 1e-3 / math.sqrt(IMAGINARY)
+    if sizes.max(initial=0.0) > large:
+        shorter = np.array([moved(i, IMAGINARY / 16) for i in columns]).T * (16 / IMAGINARY)
+        if np.any((sizes > large) & (abs(shorter) > 2 * sizes)):
+            raise Undefined("the derivatives are not finite")
     return matrix
-
-
-def _last_digits_move(function: Function, z: Array, i: int, slope: Array) -> None:
-    """Hold slopes along one entry, where its last digits are told to move an equation by much more
-    than they are, to what these do to either side."""
-    step = np.zeros(z.size)
-    step[i] = 64 * np.spacing(abs(z[i]))
-    told = slope.T * step[i]
-    steep = abs(told) > 1e-3 * step[i] / math.sqrt(IMAGINARY)
-    seen, here = np.zeros(told.shape), function(z)
-    for there in (z + step, z - step):
-        with suppress(*OUT_OF_DOMAIN):
-            seen = np.fmax(seen, abs(function(there) - here))
-    if np.any(steep & (abs(told) > 10 * seen)):
-        raise Undefined("the derivatives are not finite")
 
 
 def choose(function: Function, z: Array, scales: Array, rounding: float = 0.0) -> Scheme:
