@@ -203,6 +203,11 @@ def test_no_branch_goes_on_behind_a_root_at_the_edge_of_its_domain(root):
         trace(zoo.scalar(root, 0.0, {"mu": 1.0}), "mu")
 
 
+def test_a_root_whose_unknown_is_at_the_edge_has_no_derivative_at_the_start() -> None:
+    with pytest.raises(BadInput, match="no derivatives at the start"):
+        trace(zoo.scalar(lambda x, p: np.sqrt(x) - p["mu"], 0.0, {"mu": 0.0}), "mu")
+
+
 def test_a_steep_slope_is_no_edge() -> None:
     steep = zoo.scalar(lambda x, p: x - 1e15 * (p["mu"] - 1), 0.0, {"mu": 1.0})
     branch = trace(steep, "mu", within={"x": (-3, 3)})

@@ -157,7 +157,11 @@ def starts_on_curve(
     """A start moved onto its curve, in the direction that was asked for; for 'both' downwards, and
     then upwards."""
     if along is None:
-        curve, residual = corrected_start(problem, free, tolerance)
+        try:
+            curve, residual = corrected_start(problem, free, tolerance)
+            checked_finite(curve.jacobian(curve.start))
+        except Undefined as error:
+            raise BadInput(f"the equations have no derivatives at the start: {error}") from error
         bounds = bounds_of(curve, within)
         tangent, sign = first_tangent(curve, bounds)
         if towards != "up":
@@ -261,11 +265,8 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     where that does not change at first, the curve leads away from the bound that it starts at, and
     else to where the leading unknown grows: neither is left to the sign of what rounding leaves.
     """
-    z, along = curve.start, np.eye(1, curve.start.size, curve.start.size - 1)[0]
-    try:
-        matrix = checked_finite(curve.jacobian(z))
-    except Undefined as error:
-        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+    z, matrix = curve.start, curve.jacobian(curve.start)
+    along = np.eye(1, z.size, z.size - 1)[0]
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
         weak = least_singular(scaled(matrix, 1 / curve.row_scales, curve.scales))
         singular = weak.size < 1e-4 * weak.second
