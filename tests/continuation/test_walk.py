@@ -343,6 +343,19 @@ def test_a_spiral_is_not_taken_for_a_closed_curve(pitch: float) -> None:
     assert branch.stop is Stop.BOUND
 
 
+def test_a_start_with_other_unknowns_that_slides_along_the_curve_closes_nothing() -> None:
+    """Of cycles towards an infinite period the first one in another phase, on a coarse mesh, was
+    corrected to another cycle."""
+
+    class Shifted(Problem):
+        def phases(self, x, params):
+            return (x + np.array([0.6, 0.1]),)
+
+    steep = Shifted(lambda x, p: (p["mu"] - 1e-3 * x[0], x[1]), {"x": 0.0, "y": 0.0}, {"mu": 0.0})
+    branch = trace(steep, "mu", towards="up", within={"x": (-1, 3)})
+    assert (branch.stop, branch[-1]["x"]) == (Stop.BOUND, 3.0)
+
+
 def test_a_curve_that_crosses_itself_at_its_start_closes_only_when_it_is_through() -> None:
     eight = zoo.scalar(lambda x, p: x**4 - x**2 + p["mu"] ** 2, 0.0, {"mu": 0.0})
     branch = trace(eight, "mu", events=zoo.STATIC)

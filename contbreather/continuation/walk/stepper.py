@@ -192,7 +192,9 @@ class Stepper:
                 tangent = along = curve.normalised(gap)
                 if not self.crossed:  # there Newton's iteration is singular
                     steep = abs(self.outwards[-1]) > self.steps.first
-                    z = self.correct(z, same if steep else curve.metric * along).z
+                    seen, z = z, self.correct(z, same if steep else curve.metric * along).z
+                    if curve.length(z - seen) > self.steps.first:  # along the curve, to another
+                        continue
                     tangent = curve.tangent_at(z, along)[0]
                 homes.append((replace(home, z=z, tangent=tangent), tangent, curve.metric * tangent))
         return homes
