@@ -1119,3 +1119,16 @@ def test_a_part_of_a_symmetric_orbit_shrinks_to_its_hopf_point(parts: int, passe
     assert {branch.special[0].kind, branch.special[-1].kind} == {"EP", "HB"}
     assert branch.first("HB")["m"] == pytest.approx(-link.real, abs=1e-8)
     assert not branch.doubtful
+
+
+def test_hopf_asked_for_along_cycles_is_where_they_shrink_to_rest() -> None:
+    """It was refused, "no HB of this problem (cycle, LP, BP, PD, NS, HB, HOM)"."""
+
+    def round_rest(t, x, p):
+        grows = p["m"] - x[0] ** 2 - x[1] ** 2
+        return x[0] * grows - x[1], x[1] * grows + x[0]
+
+    start = cb.cycle(round_rest, {"x": 0.7, "y": 0.0}, {"m": 0.5}, settle=50)
+    branch = cb.trace(start, "m", within={"m": (-0.5, 0.7)}, events=[cb.hopf()])
+    assert [at.kind for at in branch.special] == ["HB", "EP"]
+    assert branch.special[0]["m"] == pytest.approx(0.0, abs=1e-9)

@@ -253,6 +253,9 @@ class _OfFlow(Event):
 
     def of(self, problem: Problem) -> Event:
         if has_multipliers(problem):
+            for event in problem.events:
+                if event.kind == self.kind:  # where cycles end
+                    return event
             raise BadInput(
                 f"no {self.kind} of this problem ({problem.kinds}): it has multipliers, and where "
                 "a pair of them passes the unit circle is NS."
