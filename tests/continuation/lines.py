@@ -442,7 +442,7 @@ MAPS = (
         of_map(lambda u, p: [-(1 + p["m"]) * u[0] + u[0] ** 3,
                              -(1 + p["m"] + p["k"]) * u[1] + u[1] ** 3], XY, m=-0.5, k=-0.3),
         "m", "PD", ("k", "m"), (), {"m": (-0.9, 1.0)}, {"k": (-1.0, 1.0), "m": (-1.0, 1.0)},
-        doubtful="do not cross",
+        doubtful="as where two cross",
     ),
 )  # fmt: skip
 LINES = {line.name: line for line in (*FLOWS, *MAPS)}
