@@ -193,7 +193,8 @@ class Stepper:
                 if not self.crossed:  # there Newton's iteration is singular
                     steep = abs(self.outwards[-1]) > self.steps.first
                     seen, z = z, self.correct(z, same if steep else curve.metric * along).z
-                    if curve.length(z - seen) > self.steps.first:  # along the curve, to another
+                    # across the curve it may slide along it, to another
+                    if not steep and curve.length(z - seen) > self.steps.first:
                         continue
                     tangent = curve.tangent_at(z, along)[0]
                 homes.append((replace(home, z=z, tangent=tangent), tangent, curve.metric * tangent))
