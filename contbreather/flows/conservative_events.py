@@ -154,7 +154,7 @@ def _nearest_two(point: Point) -> tuple[float, float]:
 
 
 def _about(point: Point, index: float) -> tuple[Array, NDArray[np.complex128]]:
-    """How far above the two indices that meet at it one is, and above the others that may meet
+    """Measure how far above the two indices that meet at it one is, and above others that may meet
     them, in the order of their distances."""
     indices, matrix, form, _ = point.base_point.solution.passing
     off, signs, size = index - indices, _signs(indices, matrix, form), indices.size

@@ -436,7 +436,7 @@ class Problem(Structure):
 
     @property
     def kinds(self) -> str:
-        """Its label and the kinds of its events, in a sentence that refuses another."""
+        """Name its label and the kinds of its events, in a sentence that refuses another."""
         kinds = ", ".join(event.kind for event in self.events) or "no events"
         return f"{self.label}, {kinds}" if self.label else kinds
 

@@ -104,7 +104,7 @@ class StepInterpolant:
         return any(off(end) > least for end in (self.first, self.last))
 
     def off(self, u: float, z: Array) -> float:
-        """How far the cubic is off the point of the curve at u, relative to the step."""
+        """Measure how far the cubic is off the point of the curve at u, relative to the step."""
         guess, _ = self.guess(min(max(u, 0.0), 1.0))
         return self.curve.length(z - guess) / self.length
 
