@@ -168,16 +168,18 @@ def _about(point: Point, index: float) -> tuple[Array, NDArray[np.complex128]]:
     return off[two], off[others[abs(off[others]).argsort(kind="stable")]]
 
 
-def _meeting(point: Point, *angle: float) -> tuple[float, float]:
-    """Find that square, and the angle at which multipliers of the whole orbit are; where those of
-    half of it pass i it passes pi, at which curves of collisions go on. At a given angle the
-    polynomial of the two indices that meet there, and its slope: with the next one that may meet
-    them, so that both are smooth where all three do; and where two come to +1 or -1."""
-    turns = point.base_point.solution.passing[-1]
-    if not angle:
-        square, middle = _nearest_two(point)
-        return square, turns * math.acos(max(-1.0, min(middle, 1.0)))
-    two, others = _about(point, math.cos(angle[0] / turns))
+def _angle(point: Point) -> float:
+    """Find the angle at which multipliers of the whole orbit are; where those of half of it pass i
+    it passes pi, at which curves of collisions go on."""
+    middle = max(-1.0, min(_nearest_two(point)[1], 1.0))
+    return float(point.base_point.solution.passing[-1] * math.acos(middle))
+
+
+def _double(point: Point, angle: float) -> tuple[float, float]:
+    """Evaluate the polynomial of the two indices that meet at an angle, and its slope: with the
+    next one that may meet them, so that both are smooth where all three do; and where two come to
+    +1 or -1."""
+    two, others = _about(point, math.cos(angle / point.base_point.solution.passing[-1]))
     if others.size:
         others = others[(others == others[0]) | (others == others[0].conjugate())]
     factors, beside = np.append(two, others), float(others.prod().real)
@@ -199,7 +201,7 @@ def _collisions(point: Point) -> DefiningSystem:
             meets[event.kind] = (*meets.get(event.kind, ()), met)
     ends = Event("R1", _at_an_end, examine=_examine_end, ends="branch")
     cusp = Event("CP", _beyond_others, examine=_examine_cusp)
-    return replace(followed(_meeting, point), events=(ends, cusp), meets=meets)
+    return replace(followed(_double, point, angle=_angle(point)), events=(ends, cusp), meets=meets)
 
 
 def _at_an_end(point: Point) -> float:
@@ -261,9 +263,7 @@ def _examine_collision(point: Point) -> Examined:
     # less than rounding, they stay apart
     if np.linalg.svd(vectors[:, met], compute_uv=False)[each] > 0.5:
         return NOTHING
-    return unresolved(point) or {
-        "angle": _meeting(point)[1], "signatures": _met(point, middle)
-    }  # fmt: skip
+    return unresolved(point) or {"angle": _angle(point), "signatures": _met(point, middle)}
 
 
 def _nearest(point: Point, values: NDArray[Any], middle: float) -> tuple[int, NDArray[np.intp]]:
@@ -289,20 +289,17 @@ def _met(point: Point, middle: float) -> str:
 # --- as equations -------------------------------------------------------------------------------
 
 
-def followed(test: Callable[[Point], Any], point: Point) -> DefiningSystem:
-    """Equations for where a test of orbits vanishes; what else it returns is the angle."""
-    extra = np.atleast_1d(test(point))[1:].tolist()
-    return DefiningSystem(
-        dict(zip(["angle"], extra, strict=False)), partial(_left, test), partial(_slopes, test)
-    )
+def followed(test: Callable[..., Any], point: Point, **extra: float) -> DefiningSystem:
+    """Equations for where a test of orbits, and of further unknowns, vanishes."""
+    return DefiningSystem(extra, partial(_left, test), partial(_slopes, test))
 
 
-def _left(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
+def _left(test: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
     """Evaluate it at the nearest orbit, so that across solutions nothing changes."""
     return np.atleast_1d(test(Point(curve, _beside(curve, z)[1]), *extra))
 
 
-def _slopes(test: Callable[[Point], Any], curve: Curve, z: Array, extra: Array) -> Array:
+def _slopes(test: Callable[..., Any], curve: Curve, z: Array, extra: Array) -> Array:
     (ways, nearest), units = _beside(curve, z), np.sqrt(curve.metric)
     # what solutions are off their tangents cancels, as it is the same ahead and behind
     places = (nearest + sign * STEP * way / units for sign in (1, -1) for way in ways)

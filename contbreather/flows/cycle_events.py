@@ -381,56 +381,53 @@ class Touch(NamedTuple):
 def touches(orbit: Cycle) -> Iterator[Touch]:
     """Find where an orbit comes closest to each wall of its flows, at the ends of these, too, and
     to the condition that ends one before it does."""
-    flows, short = orbit.equations.flows, SHORTEST * orbit.period
-    around = _goes_round(orbit.equations)
-    for i, (flow, flight) in enumerate(zip(flows, orbit.flights, strict=True)):
+    for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
         sampled = flight.sampled(8)  # into each interval for a wall that is touched
         for name, wall in flow.guards.items():
-            if isinstance(wall, Clock):
-                continue
-            ends = name == "until"
-            waits = flow.ignored(orbit.params) if ends else 0.0
-            ignored = waits / flight.duration if waits else 0.0  # at SL a flow lasts no time
-            s, states = sampled[0], sampled[1]
-            if ignored:
-                s = np.append(ignored, s[s > ignored])
-                states = flight.at(s)
-            t = flight.start + flight.duration * s
-            v = values(wall, t, states, orbit.params)[0]
-            beside = values(wall, t, np.nextafter(states, math.inf), orbit.params)[0]
-            # of what it is a difference of, too: a flow that shrinks to nothing stays next to it
-            size = max(abs(v).max(), abs(beside - v).max() / np.finfo(float).eps)
-            height = partial(_height, wall, flight, orbit.params, around)
-            # without a reset it begins where another ended: the walls of sliding are zero there
-            before = flows[i - 1]
-            if ends:
-                begins = ignored > 0.0 or _apart(orbit, i, wall, size)
-            else:
-                left = before.reset is None or _has_left(orbit, i, v, size, t, states)
-                begins = flow.until is None or not left
-            # where no place is low this one is far from it, but of sliding, and of what leaves the
-            # surface after it, both of which shrink to nothing
-            slides, leaves = (ends and slid_along(of) for of in (flow, before))
-            places = [] if slides or leaves else [s[v.argmax()]]
-            least = 2 * LEAVES * orbit.period if leaves else short if slides else 0.0
-            none = flight.duration < least  # of one that hardly lasts all places are low
-            on = ends and not (begins or slides or leaves)
-            if on:  # zero at both ends: a touch next to the beginning shows where s is divided out
-                s = np.append([LEAVES, 2 * LEAVES], s[s > 2 * LEAVES])
-                v = height(s)
-            height = partial(height, on=on)
-            if around:  # what is low where it begins is so where it ends
-                s, v = np.append(s[-2] - 1, s), np.append(v[-2], v)
-            lows = _lows(v / s if on else v, s, size, begins and not around, ends, around)
-            for j in [] if none else lows:
-                low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
-                places.append(bottom(partial(height, divided=ends), low, high)[0])
-            places = [at % 1.0 if around else at for at in places]
-            if not places:
-                continue
-            for at, off in zip(places, height(np.array(places)).tolist(), strict=True):
-                time = flight.start + flight.duration * at
-                yield Touch(off, i, float(at), time, name, bool(begins))
+            if not isinstance(wall, Clock):
+                yield from _touches_of(orbit, i, name, *sampled[:2])
+
+
+def _touches_of(orbit: Cycle, i: int, name: str, s: Array, states: Array) -> Iterator[Touch]:
+    """Find where one flow comes closest to one of its walls, of which places and states are
+    samples."""
+    flow, before, flight = (flows := orbit.equations.flows)[i], flows[i - 1], orbit.flights[i]
+    wall, ends, around = flow.guards[name], name == "until", _goes_round(orbit.equations)
+    if waits := flow.ignored(orbit.params) if ends else 0.0:
+        ignored = waits / flight.duration
+        s = np.append(ignored, s[s > ignored])
+        states = flight.at(s)
+    t = flight.start + flight.duration * s
+    v = values(wall, t, states, orbit.params)[0]
+    beside = values(wall, t, np.nextafter(states, math.inf), orbit.params)[0]
+    # of what it is a difference of, too: a flow that shrinks to nothing stays next to it
+    size = max(abs(v).max(), abs(beside - v).max() / np.finfo(float).eps)
+    # without a reset it begins where another ended: the walls of sliding are zero there
+    if ends:
+        begins = waits > 0.0 or _apart(orbit, i, wall, size)
+    else:
+        left = before.reset is None or _has_left(orbit, i, v, size, t, states)
+        begins = flow.until is None or not left
+    slides, leaves = (ends and slid_along(of) for of in (flow, before))
+    on = ends and not (begins or slides or leaves)
+    height = partial(_height, wall, flight, orbit.params, around, on=on)
+    # where no place is low this one is far from it, but of sliding, and of what leaves the
+    # surface after it, both of which shrink to nothing
+    places = [] if slides or leaves else [s[v.argmax()]]
+    least = 2 * LEAVES if leaves else SHORTEST if slides else 0.0
+    if flight.duration >= least * orbit.period:  # of one that hardly lasts all places are low
+        if on:  # zero at both ends: a touch next to the beginning shows where s is divided out
+            s = np.append([LEAVES, 2 * LEAVES], s[s > 2 * LEAVES])
+            v = height(s) / s
+        if around:  # what is low where it begins is so where it ends
+            s, v = np.append(s[-2] - 1, s), np.append(v[-2], v)
+        for j in _lows(v, s, size, begins and not around, ends, around):
+            low, high = s[max(j - 1, 0)], s[min(j + 1, s.size - 1)]
+            places.append(bottom(partial(height, divided=ends), low, high)[0])
+    found = np.array(places) % 1.0 if around else np.array(places)
+    for at, off in zip(found, height(found) if places else found, strict=True):
+        time = flight.start + flight.duration * at
+        yield Touch(float(off), i, float(at), float(time), name, bool(begins))
 
 
 def _height(
