@@ -219,6 +219,18 @@ def test_branches_that_come_apart_slowly_are_no_curve_of_branch_points_either() 
         cb.boundary(point, ("h", "l"))
 
 
+def test_a_curve_of_branch_points_ends_at_the_wall_behind_which_branches_come_apart() -> None:
+    mine = cb.Problem(
+        lambda x, p: x * (p["l"] - x**2) + max(p["h"] - 0.5, 0.0) ** 2,
+        {"x": 0.0}, {"l": -0.5, "h": 0.0},
+        events=[cb.branch_point(), cb.Event("GR", lambda point: 0.5 - point["h"], ends="domain")],
+    )  # fmt: skip
+    point = cb.trace(mine, "l", within={"l": (-1, 1)}).first("BP")
+    line = cb.boundary(point, ("h", "l"), within={"h": (0, 1)})
+    assert (line[-1].kind, line[-1]["h"]) == ("BP-GR", pytest.approx(0.5, abs=1e-12))
+    assert abs(line["split"]).max() < 1e-12
+
+
 def test_curves_of_branch_points_go_on_where_null_vectors_turn_by_more_than_a_right_angle() -> None:
     def pitchfork(x, p):  # at m = 0, the left null vector at the angle a and the right one at -2 a
         u, v = rotated(x, 2 * p["a"])

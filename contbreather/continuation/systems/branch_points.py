@@ -324,6 +324,9 @@ def _refuse_to_part(point: Point) -> float:
     # after Newton's iteration, and what `crossing` takes for a crossing
     if split <= 1e-10 * (1 + base.curve.length(base.z)) ** 2:
         return math.nan
+    walls = (event for event in base.curve.problem.events if event.ends == "domain")
+    if any(wall.value_or_nan(base) < 0 for wall in walls):
+        return math.nan  # behind one nothing holds them together: the curve ends at it
     values = ", ".join(f"{name} = {point[name]:.6g}" for name in base.curve.free)
     raise NotConverged(
         f"no curve of branch points: at {values} the branches have come apart (they miss each "
