@@ -256,13 +256,18 @@ class SiteMotion:
         return slopes
 
     def differences(self, sites: Sequence[int], other: int) -> FloatArray:
-        """Root mean squares of motions less that of another, of that less its forced one."""
+        """Root mean squares of motions less that of another, or less its mirror image half a period
+        later, whichever is closer; of that less its forced one."""
         times: FloatArray = self.start + math.pi / 8.0 * np.arange(16.0 * self.section.turns)
         paths = self.states(np.array([other, *sites])[:, None], times)[0]
         forced = self.on.a * self.response.forced((other,) * times.size, times)[0]
         same = np.array(sites) == other
         apart = np.where(same[:, None], paths[0] - forced, paths[1:] - paths[0])
-        return np.sqrt(np.mean(apart**2, axis=1))
+        squares = np.mean(apart**2, axis=1)
+        if not self.section.symmetric:
+            mirrored = paths[1:] + np.roll(paths[0], times.size // 2)
+            squares = np.where(same, squares, np.minimum(squares, np.mean(mirrored**2, axis=1)))
+        return np.sqrt(squares)
 
     # ------------------------------------------------------------------------ for kernels
 
@@ -285,7 +290,10 @@ class SiteMotion:
         gaps = gaps.min(axis=1)
         if touching is not None and touching in candidates:
             image = profiles[candidates == touching]
-            gaps[abs(profiles - image).max(axis=1) <= IMAGE] = math.inf
+            # mirrored as well, half a period later: half a symmetric orbit is its own image
+            mirrored = image if self.section.symmetric else -np.roll(image, size // 2, axis=1)
+            for each in (image, mirrored):
+                gaps[abs(profiles - each).max(axis=1) <= IMAGE] = math.inf
         wanted = lowest <= gaps.min()
         # far away sites move alike: of those the first
         wanted &= np.isin(

@@ -434,6 +434,24 @@ def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) 
         assert abs(point.solution.displacement(others, t)).max() == pytest.approx(1.0, abs=1e-6)
 
 
+def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_period_later() -> None:
+    on = {"k": 0.8, "damping": 0.03, "spring": 0.1}
+    alone = cb.trace(
+        cb.symmetric(0.65, 0.0, lattice=cb.Ring(1), **on), "a", within={"a": (0.65, 0.8)}
+    )
+    up, down = (arm[5] for arm in cb.switch(alone.first("PF"), within={"a": (0.65, 0.9)}))
+    both = cb.multibreather({1: up, 2: down}, a=up["a"], gamma=0.02, lattice=cb.OpenChain(4), **on)
+    touch = cb.trace(both, "a", within={"a": (0.7, 1.0)}).first("GR")
+    line = cb.boundary(touch, ("gamma", "a"), within={"gamma": (0.001, 0.08)})
+    assert (line["gamma"].min(), line["gamma"].max()) == (0.001, 0.08)
+    assert [point.kind for point in line.special] == ["EP", "EP"]
+    times = np.linspace(0, 2 * np.pi, 20_001)
+    for point in (line[1], line[len(line) // 2]):  # each of the two at one wall
+        u = point.solution.displacement(np.array([[0], [3]]), times)
+        tops = sorted([*u.max(axis=1), *-u.min(axis=1)])
+        assert tops[2:] == pytest.approx([1.0, 1.0], abs=1e-7)
+
+
 def test_a_curve_of_grazing_ends_where_the_impact_itself_vanishes() -> None:
     """Of two coupled sites: the second just follows where the half period turns their difference
     back into itself, 2 gamma - damping^2 / 4 = 1, and both come to their walls under the drive."""
