@@ -108,6 +108,13 @@ def points_of(fine: int, length: float) -> int:
     return math.ceil(fine * max(1.0, length / math.pi) - 1e-9)
 
 
+def _images(path: FloatArray, half_periods: int) -> list[FloatArray]:
+    """A motion as symmetries may have it at another site: later by half periods of the forcing, and
+    with its sign turned."""
+    later = [np.roll(path, j * path.size // half_periods) for j in range(half_periods)]
+    return [*later, *(-path for path in later)]
+
+
 # --- of an orbit ----------------------------------------------------------------------------------
 
 
@@ -256,18 +263,18 @@ class SiteMotion:
         return slopes
 
     def differences(self, sites: Sequence[int], other: int) -> FloatArray:
-        """Root mean squares of motions less that of another, or less its mirror image half a period
-        later, whichever is closer; of that less its forced one."""
-        times: FloatArray = self.start + math.pi / 8.0 * np.arange(16.0 * self.section.turns)
+        """Root mean squares of motions less that of another, or less its image under a symmetry
+        where one of them is that; of that less its forced one."""
+        turns = 2 * self.section.turns
+        times: FloatArray = self.start + math.pi / 8.0 * np.arange(8.0 * turns)
         paths = self.states(np.array([other, *sites])[:, None], times)[0]
         forced = self.on.a * self.response.forced((other,) * times.size, times)[0]
         same = np.array(sites) == other
         apart = np.where(same[:, None], paths[0] - forced, paths[1:] - paths[0])
         squares = np.mean(apart**2, axis=1)
-        if not self.section.symmetric:
-            mirrored = paths[1:] + np.roll(paths[0], times.size // 2)
-            squares = np.where(same, squares, np.minimum(squares, np.mean(mirrored**2, axis=1)))
-        return np.sqrt(squares)
+        images = np.array(_images(paths[0], turns))
+        nearest = np.mean((paths[1:, None] - images) ** 2, axis=2).min(axis=1)
+        return np.sqrt(np.where(same | (nearest > IMAGE**2), squares, nearest))
 
     # ------------------------------------------------------------------------ for kernels
 
@@ -290,9 +297,8 @@ class SiteMotion:
         gaps = gaps.min(axis=1)
         if touching is not None and touching in candidates:
             image = profiles[candidates == touching]
-            # mirrored as well, half a period later: half a symmetric orbit is its own image
-            mirrored = image if self.section.symmetric else -np.roll(image, size // 2, axis=1)
-            for each in (image, mirrored):
+            half_periods = 1 if self.section.symmetric else 2 * self.section.turns
+            for each in _images(image[0], half_periods):
                 gaps[abs(profiles - each).max(axis=1) <= IMAGE] = math.inf
         wanted = lowest <= gaps.min()
         # far away sites move alike: of those the first
