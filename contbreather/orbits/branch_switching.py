@@ -129,11 +129,20 @@ def changes_order(orbit: Orbit, v: FloatArray) -> bool:
 def tangent_in(curve: Curve, point: Point, longer: Callable[[Orbit], Problem]) -> FloatArray:
     """The tangent of the branch of a point in a longer problem, whose solutions it is among."""
 
+    hits = 2 * orbit_at(curve.problem).section.count  # times and impulses
+
     def place(z: FloatArray) -> FloatArray:
-        return Curve(longer(Point(point.curve, z).solution).having(*curve.free), curve.free).start
+        there = longer(Point(point.curve, z).solution).having(*curve.free)
+        start = Curve(there, curve.free).start
+        return np.append(start[:hits], start[-1])
 
     step = 1e-3 / np.linalg.norm(point.direction)  # of a difference of places on it
-    return directional(place, point.z, step * point.direction) / step
+    known = directional(place, point.z, step * point.direction) / step
+    # the rest follows by linear equations; amplitudes of modes are not unknowns everywhere near by
+    matrix = curve.jacobian(curve.start)
+    pull = matrix[:, :hits] @ known[:-1] + matrix[:, -1] * known[-1]
+    rest = np.linalg.lstsq(matrix[:, hits:-1], -pull)[0]
+    return np.concatenate([known[:-1], rest, known[-1:]])
 
 
 def _orbit_at(point: Point) -> Orbit:

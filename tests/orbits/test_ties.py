@@ -256,3 +256,16 @@ def test_mirror_images_end_at_one_coupling_which_is_located(lattice, a, k, word)
     branch = cb.trace(both, "gamma", within={"gamma": (1e-6, 1.1 * reached[0])}, towards="up")
     forks = [p["gamma"] for p in branch.special if p.kind == "PF"]
     assert min(abs(gamma / reached[0] - 1.0) for gamma in forks) < 1e-8
+
+
+def test_arms_of_neighbours_at_once_set_out_though_a_mode_is_an_unknown_on_one_side_only() -> None:
+    chain = cb.OpenChain(4, ends="fixed")  # its highest mode comes to half the drive's frequency
+    on = {"a": 0.65, "k": 0.756, "damping": 0.0221, "spring": 0.126, "lattice": chain}
+    four = cb.multibreather([0, 1, 2, 3], gamma=0.03, **on)
+    fork = cb.trace(four, "gamma", within={"gamma": (0.03, 0.04)}).first("PF")
+    arm = cb.switch(fork, within={"gamma": (0.03, 0.04)}, steps=cb.Steps(first=1e-4))[0]
+    off = abs(arm[1]["asymmetry"]) / (arm[1]["gamma"] - fork["gamma"])
+    assert (fork["power"], fork["coefficient"]) == (1, pytest.approx(off, rel=0.02))
+    state = arm[-1].solution.state()
+    after = cb.simulate(state, gamma=arm[-1]["gamma"], periods=1, **on).final
+    assert np.abs(np.subtract(after, state)).max() < 1e-9
