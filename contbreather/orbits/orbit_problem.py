@@ -259,7 +259,10 @@ def _from_dict(
 ) -> Problem:
     # a dict keeps its order, which is that of the unknowns
     x = np.concatenate([np.ravel(value) for value in start.values()])
-    return problem(Orbit(of(conditions, Section(**section), x, params)), threshold)
+    # by where the curve set out, which decides what its unknowns are: next to a resonance
+    # amplitudes of modes are among them
+    begun = of(conditions, Section(**section), x, conditions.params)
+    return problem(Orbit(begun), threshold).at(**start, **params)
 
 
 def ring_label(lattice: Any, threshold: float) -> str:

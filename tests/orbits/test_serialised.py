@@ -162,6 +162,20 @@ def test_arm_comes_back_with_the_point_it_left(branch: cb.Branch, tmp_path: Path
     same(arm, cb.switch(again.origin, within=AROUND)[1])
 
 
+def test_a_branch_with_a_mode_among_its_unknowns_comes_back_from_where_there_is_none(
+    tmp_path: Path,
+) -> None:
+    chain = cb.OpenChain(4, ends="fixed")
+    held = cb.symmetric(0.5, 0.05, 0.8, damping=0.03, spring=0.1, lattice=chain, site=1)
+    branch = cb.trace(held, "gamma", within={"gamma": (0.0, 0.06)})
+    assert "modes" in branch.problem.start  # and not at gamma = 0, where it begins
+    cb.save(tmp_path / "held.nc", branch)
+    kept = cb.load(tmp_path / "held.nc")
+    assert kept[0]["gamma"] == 0.0
+    assert (kept.points.z == branch.points.z).all()
+    assert kept[3].solution.p == branch[3].solution.p
+
+
 def test_boundary_goes_on_from_a_file(line: cb.Branch, tmp_path: Path) -> None:
     cb.save(tmp_path / "line.nc", line)
     again = cb.load(tmp_path / "line.nc")
