@@ -316,9 +316,10 @@ def _complex_steps(
     value = value.reshape(how.rows, -1, count)
     slope = np.empty((how.rows, first + len(names), count))
     slope[:, :last] = value[:, :-2].imag / IMAGINARY
-    # those of other parameters apart: what asks for one may expect a number
+    # those of other parameters apart: what asks for one may expect a number. A field that writes
+    # into `np.empty_like(x)` keeps what is complex of a parameter only where the state is, too
     for j, name in enumerate(names[last - first :], last):
-        slope[:, j] = how(t, x, {**p, name: p[name] + 1j * IMAGINARY}).imag / IMAGINARY
+        slope[:, j] = how(t + 0j, x + 0j, {**p, name: p[name] + 1j * IMAGINARY}).imag / IMAGINARY
     along = 2 * (parts @ slope[:, :width] + later * slope[:, width])
     off = abs(value[:, -2].real - value[:, -1].real - along)
     value = np.ascontiguousarray(value[:, 0].real)
