@@ -28,6 +28,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
+from .sparse_equations import SparseFlowEquations
 
 STEP = 1e-5  # of differences along solutions, in the metric of a curve
 NEAR = 1e-6  # how far off its place the index of a located event may be
@@ -64,13 +65,19 @@ def _examine_flip(point: Point) -> Examined:
         return why
     from scipy.linalg import schur
 
-    M, near = point.base_point.solution.monodromy, math.sqrt(2 * NEAR)
+    orbit, near = point.base_point.solution, math.sqrt(2 * NEAR)
+    M = orbit.monodromy
 
     def first(mu: Any) -> bool:
         return bool(abs(mu + 1) < near)
 
-    T, _, count = cast("Any", schur)(M, output="complex", sort=first)
-    flat = np.linalg.norm(np.triu(T[:count, :count], 1)) < NEAR * np.linalg.norm(M, 2)
+    T, vectors, count = cast("Any", schur)(M, output="complex", sort=first)
+    known = NEAR * np.linalg.norm(M, 2)
+    if not isinstance(orbit.equations, SparseFlowEquations):  # by a mesh of twice as many points
+        off = replace(orbit, equations=orbit.doubled).monodromy - M
+        among = vectors[:, :count]
+        known = max(known, np.linalg.norm(among.conj().T @ off @ among))
+    flat = np.linalg.norm(np.triu(T[:count, :count], 1)) < known
     return NOTHING if flat else ""
 
 

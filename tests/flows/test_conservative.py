@@ -658,3 +658,37 @@ def test_curves_of_pd_of_two_modes_cross_where_these_are_alike() -> None:
     assert line[-1]["period"] > other["period"] > own["period"]
     (cross,) = line.doubtful
     assert (cross["w"], cross["period"]) == pytest.approx((0.6, other["period"]), abs=1e-8)
+
+
+def test_a_pair_that_touches_minus_one_by_a_symmetry_is_no_period_doubling_of_a_mesh() -> None:
+    """Half of a double pendulum's swing is the other half's mirror image: indices (of the whole)
+    are squares minus 1, and the mesh leaves 1e-5 between the two eigenvectors."""
+
+    def double(t, x, p):
+        a, b, v, w = x
+        c, s = np.cos(a - b), np.sin(a - b)
+        down = -2 * p["g"] * np.sin(a) - s * w**2, s * v**2 - p["g"] * np.sin(b)
+        rates = [down[0] - c * down[1], 2 * down[1] - c * down[0]]
+        return [v, w, *(rate / (2 - c**2) for rate in rates)]
+
+    def energy(x, p):
+        a, b, v, w = x
+        return v**2 + w**2 / 2 + v * w * np.cos(a - b) - p["g"] * (2 * np.cos(a) + np.cos(b))
+
+    start = {"a": 0.1, "b": -0.1414, "v": 0.0, "w": 0.0}
+    swing = cb.cycle(double, start, {"g": 1.0}, conserves=energy)
+    branch = cb.trace(swing, "energy", within={"energy": (-2.999, -0.8)})
+
+    def trace_of_half(point):
+        def ends(k, off):
+            x, span = point.solution.states(0.0), (0, point["period"] / 2)
+            x[k] += off
+            run = solve_ivp(double, span, x, "DOP853", args=({"g": 1.0},), rtol=1e-12, atol=1e-12)
+            return run.y[k, -1]
+
+        return sum(ends(k, 1e-4) - ends(k, -1e-4) for k in range(4)) / 2e-4
+
+    # -2 where its pair is at ±i, beside two that are -1
+    traces = [trace_of_half(point) for point in branch[:: len(branch) // 8]]
+    assert min(traces) < -2 < max(traces)
+    assert not [at for at in [*branch.special, *branch.doubtful] if at.kind == "PD"]
