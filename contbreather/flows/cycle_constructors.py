@@ -30,7 +30,7 @@ from .functions import Function, Params, values
 from .initial_motion import Motion, refuse_rest, sampled_orbit, simulated_orbit
 from .integrate import flows_of
 from .multipliers import around
-from .rotation import Angles
+from .rotation import Angles, moves
 from .rounds import once
 from .sparse_equations import has_many_states, sparse_where_large
 
@@ -279,7 +279,7 @@ def _conserving(
     """Unfold a family, of which the orbit with the energy of the start is looked for."""
     (flow, *_), (flight, *_) = equations.flows, equations.start
     states, (first, *_), count = flight.states.T, conserved, len(conserved)
-    if flow.until or flow.reset or 2 * count > len(states):
+    if flow.until or moves(flow) or 2 * count > len(states):
         raise BadInput(
             "conserves= is of one smooth flow without a condition or a reset, of two states or "
             f"more for each quantity: {count} for {len(states)} states"

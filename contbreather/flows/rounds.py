@@ -15,7 +15,7 @@ from .equations import FlowEquations
 from .flow import Clock, TurnedBack, plain
 from .functions import Function, Params, values
 from .jacobian import FieldWithJacobian, at_other_time
-from .rotation import moves, unturned
+from .rotation import moves, turned_back, unturned
 
 RETURNS = 24  # so many flows back is looked for a return
 REPEATS = 1e-3  # of its size: as near as this to itself a round later it is the same again
@@ -25,16 +25,17 @@ _LOOKS = 4  # into each interval for that
 def twice(equations: FlowEquations, x: Array, p: Params) -> FlowEquations:
     """Run through the same orbit twice, as one of twice the period."""
     flights, flows, turns = equations.flights(x, p), equations.flows, 2 * equations.turns
-    if equations.smooth and flows[0].reset is None:
-        (flight,) = flights
+    if equations.smooth and not moves(flows[0]) and (flows[0].reset is None or equations.givens):
+        (flow,), (flight,), made = unturned(flows, flights)
         knots = np.concatenate([0.5 * flight.knots[:-1], 0.5 + 0.5 * flight.knots])
         # slopes are per interval: twice the duration and half the steps leave them as they are
-        states, slopes = np.vstack([flight.states] * 2), np.vstack([flight.slopes] * 2)
+        states, slopes = [flight.states, flight.states + made], np.vstack([flight.slopes] * 2)
         whole = replace(
-            flight, knots=knots, duration=2 * flight.duration, states=states, slopes=slopes,
-            rounds=2 * flight.rounds,
+            flight, knots=knots, duration=2 * flight.duration, states=np.vstack(states),
+            slopes=slopes, rounds=2 * flight.rounds,
         )  # fmt: skip
-        return replace(equations, start=(whole,), turns=turns)
+        flow = turned_back(flow, 2 * made, getattr(flows[0].reset, "whole", np.inf))
+        return replace(equations, flows=(flow,), start=(whole,), turns=turns)
     period = sum(flight.duration for flight in flights)
     again = [replace(flight, start=flight.start + period) for flight in flights]
     after = [flow.struck(f.last, p) for flow, f in zip(flows, again, strict=True)]

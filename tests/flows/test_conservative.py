@@ -692,3 +692,53 @@ def test_a_pair_that_touches_minus_one_by_a_symmetry_is_no_period_doubling_of_a_
     traces = [trace_of_half(point) for point in branch[:: len(branch) // 8]]
     assert min(traces) < -2 < max(traces)
     assert not [at for at in [*branch.special, *branch.doubtful] if at.kind == "PD"]
+
+
+def test_rotations_are_a_family_and_their_period_doubles() -> None:
+    """Of a pendulum over the top, T = 2 m K(m**2) with m**2 = 2 / (1 + E); what is at rest beside
+    it obeys Hill's equation."""
+
+    def beside(t, x, p):
+        th, y, v, w = x
+        pull = 2 * p["c"] * y
+        return [v, w, (pull * y / 2 - 1) * np.sin(th), -y - pull * np.cos(th)]
+
+    def energy(x, p):
+        th, y, v, w = x
+        return (v**2 + w**2 + y**2) / 2 + (p["c"] * y**2 - 1) * np.cos(th)
+
+    def period(e):
+        return 2 * np.sqrt(2 / (1 + e)) * ellipk(2 / (1 + e))
+
+    def trace(e):
+        def hill(t, z):
+            return [z[1], -np.sin(z[0]), *z[4:], *(-(1 + 0.4 * np.cos(z[0])) * z[2:4])]
+
+        start = [0.0, np.sqrt(2 * (1 + e)), 1.0, 0.0, 0.0, 1.0]
+        end = solve_ivp(hill, (0, period(e)), start, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
+        return end[2] + end[5]
+
+    start = {"th": 0.0, "y": 0.0, "v": 2.2, "w": 0.0}
+    over = cb.cycle(beside, start, {"c": 0.2}, conserves=energy, wraps={"th": 2 * np.pi})
+    branch = cb.trace(over, "energy", within={"energy": (1.3, 2.0)})
+    np.testing.assert_allclose(branch["period"], period(branch["energy"]), rtol=1e-10)
+    doubling = branch.first("PD")
+    assert doubling["energy"] == pytest.approx(brentq(lambda e: trace(e) + 2, 1.6, 1.9), abs=1e-8)
+    (arm,) = cb.switch(doubling, steps=cb.Steps(most=6))
+    orbit = arm[-1].solution
+    run = solve_ivp(beside, (0, orbit.period), orbit.states(0.0), "DOP853", args=({"c": 0.2},),
+                    rtol=1e-12, atol=1e-12)  # fmt: skip
+    moved = run.y[:, -1] - run.y[:, 0]
+    np.testing.assert_allclose(moved, [4 * np.pi, 0.0, 0.0, 0.0], atol=1e-8)
+    assert arm[-1]["max(y)"] > 0.1
+
+
+def test_a_family_in_the_energy_is_loaded_with_the_cycle_it_was_traced_from(tmp_path) -> None:
+    swing = cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0}, conserves=of_duffing)
+    branch = cb.trace(swing, "energy", within={"energy": (0.5, 2)})
+    cb.save(tmp_path / "swing.nc", branch)
+    again = cb.load(tmp_path / "swing.nc", problem=swing)
+    loaded, walked = (at[3].solution.states(0.1) for at in (again, branch))
+    np.testing.assert_allclose(loaded, walked, rtol=1e-12)
+    further = cb.extend(again, end="last", within={"energy": (0.5, 3)})
+    assert {round(point["energy"], 9) for point in further.special} == {0.5, 3.0}

@@ -145,6 +145,8 @@ class _Stored:
         if content["period"] is not None and isinstance(problem, MapCycleProblem):
             # of the map that was given, another iterate
             problem = problem.over(content["period"])
+        if turned := [name for name in problem.freed_in_turn if name in content["parameters"]]:
+            problem = problem.having(*turned)  # as where it was traced
         absent = [name for name in problem.names if name not in first]
         if absent:
             raise BadInput(
