@@ -263,6 +263,20 @@ def test_an_arm_that_follows_its_parent_is_refused_with_the_arm() -> None:
     assert isinstance(caught.value, NotConverged)
 
 
+def test_arms_leave_a_branch_that_bends_by_more_than_they_come_apart() -> None:
+    """Next to its fold, at y = 0: z = p on the branch, z = 1.1 p on the other one."""
+    mine = cb.Problem(
+        lambda x, p: np.array([x[0] ** 2 - p["p"] - 9e-4, (x[1] - p["p"]) * (1.1 * p["p"] - x[1])]),
+        {"y": 0.5, "z": 0.2491},
+        {"p": 0.2491},
+    )
+    window = {"p": (-1, 1)}
+    branch = cb.trace(mine, "p", within=window, events=zoo.STATIC)
+    for label in ("BP1", "BP2"):
+        arms = switch(branch.first(label), within=window)
+        assert [arm["z"] == pytest.approx(1.1 * arm["p"], abs=1e-9) for arm in arms] == [True] * 2
+
+
 class Twice(SwitchingProblem):
     """One arm, given twice."""
 

@@ -380,12 +380,19 @@ def _refuse_parent(arm: Branch, seed: Seed, point: Point) -> None:
     curve = arm.curve
     if seed.parent is None or len(arm) < 2 or curve.start.shape != seed.z.shape:
         return  # a finer problem has other unknowns
-    chord, away, parent = map(curve.normalised, (arm[1].z - arm[0].z, seed.tangent, seed.parent))
+    step = arm[1].z - arm[0].z
+    chord, away, parent = map(curve.normalised, (step, seed.tangent, seed.parent))
 
     def aside(direction: Array, line: Array) -> float:  # |d - (d . W l) l|
         return curve.length(direction - float(direction @ (curve.metric * line)) * line)
 
     if (distance := aside(chord, parent)) < aside(chord, away):
+        # both curves may bend alike, by more than they come apart: how far off the branch itself is
+        row = curve.metric * parent
+        beside = newton(curve, arm[0].z + float(row @ step) * parent, row)
+        apart = curve.length(beside.z - arm[1].z) / curve.length(step)
+        if beside.converged and apart > 0.5 * aside(away, parent):
+            return
         raise ArmsCoincide(
             f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
             f"{distance:.2g}, {aside(away, parent):.2g} apart as they were given",
