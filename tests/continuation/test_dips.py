@@ -204,3 +204,10 @@ def test_a_hopf_point_is_found_once_among_neutral_saddles_of_the_same_step(saddl
     (point,) = (point for point in branch.special if point.kind == "HB")
     assert abs(point["a"]) < 1e-9
     assert not branch.doubtful
+
+
+def test_a_zero_at_the_very_start_makes_no_dip_of_a_test_that_is_rounded_there() -> None:
+    rounded = Event("LV", lambda point: point["m"] - 1e-15 if point["m"] > 0 else -1e-8)
+    line = Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0})
+    branch = trace(line, "m", towards="up", within=UNIT, events=[rounded])
+    assert ([point.kind for point in events_of(branch)], branch.doubtful) == (["LV"], ())

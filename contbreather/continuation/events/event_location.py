@@ -399,8 +399,14 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     u = 0.5 * (left + right)
     if samples.changes() or not _ONE < u < 1 - _ONE:  # at an end it only approaches zero
         return
+    # beside a zero that was divided out rounding decides how large it is
+    zeros = samples.zeros
+    trusted = (value for v, value in size.items() if all(abs(v - z) > ASIDE for z in zeros))
     # where the test jumps it is small on one side alone
-    if seen(u) < _TOUCH * highest and max(seen(left), seen(right)) < LOW * highest:
+    if (
+        seen(u) < _TOUCH * max(trusted, default=0.0)
+        and max(seen(left), seen(right)) < LOW * highest
+    ):
         reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
         yield from _in_doubt(samples, samples.segment.provisional(u), left, right, reason)
 
