@@ -23,6 +23,7 @@ from contbreather.continuation import (
     Branch,
     Point,
     Problem,
+    Run,
     Stop,
     boundary,
     extend,
@@ -403,6 +404,10 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
         (lambda path, one: save(path, one, branch1=one), "results with different names"),
         (lambda path, one: save(path, {"x": one}), r"those of a dict are save\(path, \*\*results"),
         (lambda path, one: save(path, arms={"x": one}), r"got a dict; those of a dict are save"),
+        (
+            lambda path, one: Run(path.parent).keep(arms=(one, one)),
+            r"got a tuple; those of a list are cb.save\(run.file\(name\), \*results\)$",
+        ),
         (lambda path, one: save(path, 3), r"^an int cannot be kept in a file; branches.* can$"),
         *(
             (lambda path, one, given=given: load(given), r"name of|cannot read")

@@ -278,7 +278,7 @@ class Branch(Columns, HtmlRepr):
             return self.points[key]
         except TypeError:
             raise BadInput(
-                f"branch[{key!r}]: the name of a column or the number of a point was expected"
+                f"branch[{brief(key)}]: the name of a column or the number of a point was expected"
             ) from None
         except IndexError:
             raise IndexError(f"branch[{brief(key)}]: it has {len(self)} points") from None

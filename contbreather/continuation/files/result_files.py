@@ -90,6 +90,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
 
     def keep(self, **results: Any) -> None:
         """Write results to files of their names, each whole or not at all."""
+        _refuse_several(results, "keep", "cb.save(run.file(name), {}results)")
         for name, result in results.items():
             write_results(self.file(name), {name: result}, alone=True)
 
@@ -189,6 +190,16 @@ class Run(HtmlRepr, Mapping[str, Any]):
         return f"<Run {self.path}: {', '.join(self) or 'nothing yet'}>"
 
 
+def _refuse_several(results: Mapping[str, Any], verb: str, instead: str) -> None:
+    for result in results.values():
+        if isinstance(result, list | tuple | dict):
+            kind, stars = ("dict", "**") if isinstance(result, dict) else ("list", "*")
+            raise BadInput(
+                f"{verb} takes results one by one, got a {type(result).__name__}; those of a "
+                f"{kind} are {instead.format(stars)}"
+            )
+
+
 def save(path: str | Path, *results: Any, **named: Any) -> None:
     """Write results to one netCDF-4 file, readable by anything that reads netCDF or HDF5.
 
@@ -218,13 +229,7 @@ def save(path: str | Path, *results: Any, **named: Any) -> None:
     (True, True)
     """
     every = {**{f"branch{i}": result for i, result in enumerate(results, start=1)}, **named}
-    for result in every.values():
-        if isinstance(result, list | tuple | dict):
-            kind, stars = ("dict", "**") if isinstance(result, dict) else ("list", "*")
-            raise BadInput(
-                f"save takes results one by one, got a {type(result).__name__}; those of a {kind} "
-                f"are save(path, {stars}results)"
-            )
+    _refuse_several(every, "save", "save(path, {}results)")
     if not every or len(every) < len(results) + len(named):
         raise BadInput(f"results with different names are expected, got {list(every) or 'none'}")
     write_results(path, every, alone=len(every) == 1)
