@@ -380,3 +380,26 @@ def test_a_derivative_that_is_not_finite_is_the_edge_of_the_domain_of_many_unkno
     branch = cb.trace(problem, "mu", within={"mu": (0.0, 1.0)}, events=[cb.fold()])
     assert "not finite" in branch.reason
     assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("dense", [False, True])
+def test_a_curve_of_branch_points_of_stiff_equations_sets_out(dense: bool) -> None:
+    """A beam of 150 points on a foundation: P = l + k / l for l, the second eigenvalue of -D."""
+    n, h = 150, 1 / 151
+    bend = diags_array([1.0, -2.0, 1.0], offsets=[-1, 0, 1], shape=(n, n)) / h**2
+    fourth = (bend @ bend).tocsr()
+
+    def beam(w, p):
+        return 1e-3 * (fourth @ w + p["P"] * (bend @ w) + p["k"] * (w - w**3))
+
+    def jacobian(w, p):
+        matrix = 1e-3 * (fourth + p["P"] * bend + diags_array(p["k"] * (1 - 3 * w**2)))
+        return matrix.toarray() if dense else matrix
+
+    problem = cb.Problem(
+        beam, {"w": np.zeros(n)}, {"P": 5.0, "k": 500.0}, jacobian=jacobian, scales={"P": 50.0}
+    )
+    point = cb.trace(problem, "P", within={"P": (5, 55)}, events=[cb.branch_point()]).first("BP")
+    line = cb.boundary(point, ("k", "P"), within={"k": (490, 510)})
+    second = 4 / h**2 * np.sin(np.pi * h) ** 2
+    np.testing.assert_allclose(line["P"], second + line["k"] / second, rtol=1e-8)
