@@ -239,3 +239,14 @@ def test_corrections_that_repeat_themselves_divide_by_nothing() -> None:
         with np.errstate(all="raise"):
             solved = curve.solved_near(curve.start, guess, at_p, 1e-25)
         assert solved.residual <= np.spacing(1e8)
+
+
+@pytest.mark.parametrize("size", [1e6, 1e9, 1e12])
+def test_a_large_parameter_without_scales_makes_no_points_that_are_no_solutions(
+    size: float,
+) -> None:
+    """x^2 = E / size - 1: corrections of x are short beside E wherever they end."""
+    problem = cb.Problem(lambda x, p: x**2 - p["E"] / size + 1, {"x": 1.0}, {"E": 2 * size})
+    branch = cb.trace(problem, "E", within={"E": (0, 5 * size)}, events=[cb.fold()])
+    assert abs(branch["x"] ** 2 - branch["E"] / size + 1).max() < 1e-11
+    assert branch["E"].min() == pytest.approx(size, rel=1e-11)  # up to the fold

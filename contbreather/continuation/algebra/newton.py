@@ -83,11 +83,13 @@ def newton(
             if solved or (moved > 2.0 * previous and not chance):
                 return Solution(z, solved, iteration, residual)
         z = z - step
-        if moved <= bound and (
-            slow or bound < LARGE * tolerance or _each_is_short(curve, z, step, tolerance)
-        ):
+        # beside a large entry a correction of the others is short wherever they are
+        large = bound >= LARGE * tolerance
+        short = moved <= bound and (not large or _each_is_short(curve, z, step, tolerance))
+        if short or (slow and moved <= bound):
             value, solved = curve.equations(z), True
-            if singular:  # the shortest correction may be short far from any solution
+            # the shortest correction may be short far from any solution
+            if singular or not short:
                 terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
                 terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
                 # relative to the terms of its row: a solution, where Newton's iteration is blind
