@@ -124,6 +124,15 @@ def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool)
     np.testing.assert_allclose(line["h"], 0.0, atol=1e-10)
 
 
+def test_a_period_that_comes_to_zero_has_a_window_from_zero_on() -> None:
+    flows = [cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: p["h"] - x[0]),
+             cb.Flow(lambda t, x, p: [-1.0], until=lambda t, x, p: p["h"] + x[0])]  # fmt: skip
+    to_and_fro = cb.cycle(flows, {"x": 0.0}, {"h": 0.5}, settle=10)  # its period is 4 h
+    branch = cb.trace(to_and_fro, "h", within={"h": (-1, 1), "period": (0, 3)}, towards="down")
+    assert [at.kind for at in branch.special] == ["EP", "GR"]
+    assert branch[-1]["h"] == pytest.approx(0.0, abs=1e-6)
+
+
 def test_a_ball_whose_flight_is_cut_at_its_top_grazes_where_that_is_on_the_table() -> None:
     rises = cb.Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[1])
     falls = cb.Flow(

@@ -122,8 +122,8 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
         if not low <= size <= high:
             raise BadInput(f"the start has {what}={size:g}, outside ({low:g}, {high:g})")
         if of in curve.slots:
-            if what != name and low == 0:
-                low = -math.inf  # no norm falls below 0
+            if low == 0 and (what != name or name in totals):
+                low = -math.inf  # no norm falls below 0, no sum of durations before one of them
             finite = [(side, end) for side, end in ((-1, low), (1, high)) if math.isfinite(end)]
             slot = curve.slots[of]
             size = float(np.max(curve.scales[slot]))  # what is 0 is rounded as what it is made of
