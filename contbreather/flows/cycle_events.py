@@ -406,8 +406,8 @@ def _touches_of(orbit: Cycle, i: int, name: str, s: Array, states: Array) -> Ite
     if ends:
         begins = waits > 0.0 or _apart(orbit, i, wall, size)
     else:
-        left = before.reset is None or _has_left(orbit, i, v, size, t, states)
-        begins = flow.until is None or not left
+        off = before.reset is not None and _apart(orbit, i, wall, size)
+        begins = flow.until is None or off
     slides, leaves = (ends and slid_along(of) for of in (flow, before))
     on = ends and not (begins or slides or leaves)
     height = partial(_height, wall, flight, orbit.params, around, on=on)
@@ -445,15 +445,6 @@ def _height(
     v = values(wall, flight.start + flight.duration * s, flight.at(s), p)[0]
     v = v / s if divided and on else v
     return np.divide(v, 1 - s, out=np.full_like(v, math.inf), where=s < 1) if divided else v
-
-
-def _has_left(orbit: Cycle, i: int, v: Array, size: float, t: Array, states: Array) -> bool:
-    """Tell whether a wall of these values is what ended the flow before, perhaps written down once
-    more."""
-    before = orbit.equations.flows[i - 1].until
-    if before is None or orbit.flights[i - 1].dimension != len(states):
-        return False
-    return bool((abs(values(before, t, states, orbit.params)[0] - v) <= 1e-9 * size).all())
 
 
 def _apart(orbit: Cycle, i: int, until: Function, size: float) -> bool:

@@ -124,6 +124,32 @@ def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool)
     np.testing.assert_allclose(line["h"], 0.0, atol=1e-10)
 
 
+def test_half_of_a_rattle_begins_on_the_other_wall_and_touches_it_as_the_whole_does() -> None:
+    """Behind its mirror that wall is the condition that ended it, which no formula shows."""
+
+    def tooth(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] + p["F"] * np.cos(t)]
+
+    def flank(side: int) -> cb.Flow:
+        return cb.Flow(
+            tooth, until=lambda t, x, p: 1 - side * x[0],
+            reset=lambda t, x, p: [x[0], -0.7 * x[1]], walls=(lambda t, x, p: 1 + side * x[0],),
+        )  # fmt: skip
+
+    half = cb.Flow(
+        lambda t, x, p: [*tooth(x[2], x, p), 1.0], until=lambda t, x, p: 1 - x[0],
+        reset=lambda t, x, p: [-x[0], 0.7 * x[1], x[2] - np.pi], walls=(lambda t, x, p: 1 + x[0],),
+    )  # fmt: skip
+    start, within = {"x": -1.0, "v": 0.739}, {"F": (0.45, 6)}
+    whole = cb.cycle([flank(1), flank(-1)], start, {"F": 0.5}, period=TAU, t0=3.685, settle=60)
+    halved = cb.cycle(half, {**start, "theta": 3.685}, {"F": 0.5}, settle=60)
+    wholes = cb.trace(whole, "F", within=within, towards="up")
+    halves = cb.trace(halved, "F", within=within, towards="up")
+    assert [at.kind for at in wholes.special] == ["EP", "BP", "GR"]
+    assert [at.kind for at in halves.special] == ["EP", "PD", "GR"]
+    assert halves[-1]["F"] == pytest.approx(wholes[-1]["F"], rel=1e-9)
+
+
 def test_a_period_that_comes_to_zero_has_a_window_from_zero_on() -> None:
     flows = [cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: p["h"] - x[0]),
              cb.Flow(lambda t, x, p: [-1.0], until=lambda t, x, p: p["h"] + x[0])]  # fmt: skip
