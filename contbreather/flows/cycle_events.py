@@ -479,7 +479,9 @@ def _by_chance(orbit: Cycle, i: int, until: Function, ended: Function) -> bool:
     rate = own[: m + 1] @ np.append(values(flow.f, before.last, x, p)[:, 0], 1.0)
     across = own - other * (own @ other) / (other @ other)
     least = 1e-6 * np.linalg.norm(own)
-    return bool(np.linalg.norm(across) > least and abs(rate) > least)
+    # or the reset forgets all, and lands where parameters say
+    passes = abs(rate) > least or np.linalg.norm(own[: m + 1]) <= least
+    return bool(np.linalg.norm(across) > least and passes)
 
 
 def _lows(v: Array, s: Array, size: float, begins: bool, ends: bool, around: bool) -> list[int]:
