@@ -11,6 +11,8 @@ import pytest
 
 import contbreather as cb
 from contbreather.continuation import Branch, Problem
+from contbreather.continuation.algebra import walk_kernel
+from contbreather.continuation.algebra.newton import newton
 from contbreather.continuation.curve.curve import Curve
 
 from .zoo import TRANSCRITICAL
@@ -250,3 +252,30 @@ def test_a_large_parameter_without_scales_makes_no_points_that_are_no_solutions(
     branch = cb.trace(problem, "E", within={"E": (0, 5 * size)}, events=[cb.fold()])
     assert abs(branch["x"] ** 2 - branch["E"] / size + 1).max() < 1e-11
     assert branch["E"].min() == pytest.approx(size, rel=1e-11)  # up to the fold
+
+
+def test_steps_in_machine_code_leave_such_corrections_to_be_looked_at(monkeypatch) -> None:
+    """x^2 = 0.97 - 1 across E, which is a billion."""
+
+    def residual(z, data, out):
+        out[0] = z[0] ** 2 - z[1] / 1e9 + 1.0
+        return 0
+
+    def jacobian(z, data, out):
+        out[:2] = 2.0 * z[0], -1e-9
+        return 0
+
+    monkeypatch.setattr(walk_kernel, "residual", residual)
+    monkeypatch.setattr(walk_kernel, "jacobian", jacobian)
+    pieces = walk_kernel.Pieces(None, None, walk_kernel.at_a_place(1e-9, np.ones(2)))
+    pieces.room.end[:], pieces.room.tangent[:] = (0.3, 0.97e9), (0.0, 1.0)
+    status, _, _ = walk_kernel.newton_steps(None, pieces.rules, pieces.room)
+    assert status == walk_kernel.LOOK
+
+
+def test_corrections_that_are_slow_beside_a_large_parameter_go_on() -> None:
+    """x^3 = 8 from 40: at first each correction is 2/3 of the one before."""
+    curve = Curve(cb.Problem(lambda x, p: x**3 - p["E"] / 1e9, {"x": 40.0}, {"E": 8e9}), ("E",))
+    solution = newton(curve, curve.start, np.array([0.0, 1.0]))
+    assert solution.converged
+    assert solution.z[0] == pytest.approx(2.0, rel=1e-14)

@@ -42,6 +42,8 @@ class Equations(Protocol):
 
     metric: Array
 
+    @property
+    def row_scales(self) -> Array: ...
     def equations(self, z: Array) -> Array: ...
     def jacobian(self, z: Array) -> Matrix: ...
     def length(self, z: Array) -> float: ...
@@ -74,7 +76,11 @@ def newton(
         # |dz_k| / |dz_k-1| estimates the contraction (P. Deuflhard, Newton Methods for Nonlinear
         # Problems, section 2.1): from 1/2 on the iteration is not in its quadratic phase
         slow = 2.0 * moved > previous
-        if slow and moved > bound:
+        # beside a large entry a correction of the others is short wherever they are
+        short = moved <= bound
+        if short and bound >= LARGE * tolerance:
+            short = _each_is_short(curve, z - step, step, tolerance)
+        if slow and not short:
             solved = bool((abs(value) <= rounding(matrix, z)).all())
             residual = float(abs(value).max())
             # where rounding decides how long corrections are one may have been short by chance:
@@ -83,13 +89,9 @@ def newton(
             if solved or (moved > 2.0 * previous and not chance):
                 return Solution(z, solved, iteration, residual)
         z = z - step
-        # beside a large entry a correction of the others is short wherever they are
-        large = bound >= LARGE * tolerance
-        short = moved <= bound and (not large or _each_is_short(curve, z, step, tolerance))
-        if short or (slow and moved <= bound):
+        if short:
             value, solved = curve.equations(z), True
-            # the shortest correction may be short far from any solution
-            if singular or not short:
+            if singular:  # the shortest correction may be short far from any solution
                 terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
                 terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
                 # relative to the terms of its row: a solution, where Newton's iteration is blind
@@ -167,9 +169,11 @@ def approach(curve: Equations, z: Array) -> Array | None:
     value = curve.equations(z)
     for _ in range(50):
         matrix = scaled(curve.jacobian(z), np.ones(value.size), weights)
-        least: Callable[[Array], Array] = partial(shortest, matrix)
+        least: Callable[[Array], Array]
         if is_sparse(matrix) or value.size == z.size:
             least = (Factors if is_sparse(matrix) else Dense)(matrix).least
+        else:
+            least = partial(shortest, matrix, rows=curve.row_scales)
         step = least(value)
         size = math.sqrt(step.dot(step))
         if size == 0:  # a solution, or the derivative is singular and tells nothing

@@ -100,8 +100,11 @@ class Dense:
         return -1 if np.logical_xor.reduce(turned ^ (self._factors.diagonal() < 0)) else 1
 
 
-def shortest(matrix: Array, right: Array) -> Array:
-    """The shortest vector that comes closest to a solution."""
+def shortest(matrix: Array, right: Array, rows: Array | None = None) -> Array:
+    """The shortest vector that comes closest to a solution, in units of rows: what is rounding
+    beside the largest of them is taken for zero."""
+    if rows is not None:
+        matrix, right = matrix / rows[:, None], right / rows
     return np.asarray(np.linalg.lstsq(checked_finite(matrix), right)[0])
 
 

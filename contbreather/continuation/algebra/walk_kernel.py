@@ -156,16 +156,14 @@ def newton_steps(data: Any, rules: Rules, room: Room) -> tuple[int, int, float]:
         if solve(data, rules, room, z, 0.0) == 0:
             return LOOK, iteration, 0.0
         moved = norm(rules, step)
-        slow = 2.0 * moved > previous
-        if not moved < math.inf or (slow and moved > bound):
-            return LOOK, iteration, 0.0  # what is left may be rounding
-        short = slow or bound < LARGE * rules.tolerance
-        entries = True
+        slow, short = 2.0 * moved > previous, moved <= bound
         for i in range(z.size):
             z[i] -= step[i]
             least = rules.tolerance * (abs(z[i]) + 1.0 / math.sqrt(rules.metric[i]))
-            entries = entries and abs(step[i]) <= least
-        if moved <= bound and (short or entries):
+            short = short and (bound < LARGE * rules.tolerance or abs(step[i]) <= least)
+        if not moved < math.inf or (slow and not short):
+            return LOOK, iteration, 0.0  # what is left may be rounding
+        if short:
             exists, most = residual(z, data, value) == 0, 0.0
             for entry in value:
                 most = max(most, abs(entry))

@@ -212,8 +212,8 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
     just beyond a fold there is none at the same parameter."""
     try:
         z = approach(curve, curve.start)
-        if z is None:  # next to a solution, too, where rounding of stiff equations decides
-            z = curve.start
+        if z is None:
+            return None
         # across the tangent: at a fixed parameter the iteration is singular at a fold
         tangent, _ = curve.tangent_at(z, np.eye(1, z.size, z.size - 1)[0])
         solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
