@@ -211,3 +211,16 @@ def test_a_zero_at_the_very_start_makes_no_dip_of_a_test_that_is_rounded_there()
     line = Problem(lambda x, p: x - p["m"], {"x": 0.0}, {"m": 0.0})
     branch = trace(line, "m", towards="up", within=UNIT, events=[rounded])
     assert ([point.kind for point in events_of(branch)], branch.doubtful) == (["LV"], ())
+
+
+@pytest.mark.parametrize("start", np.linspace(0.02, 0.09, 8))
+def test_two_folds_in_a_dip_that_the_cubic_of_a_step_does_not_show(start: float) -> None:
+    """mu' = x ((x - 1/2)^2 - 0.003^2) on steps of 0.1, whose cubic is off by five times the dip."""
+
+    def mu(x):
+        return x**4 / 4 - x**3 / 3 + (0.25 - 9e-6) * x**2 / 2
+
+    problem = Problem(lambda x, p: mu(x) - p["mu"], {"x": start}, {"mu": mu(start)})
+    branch = trace(problem, "mu", within={"x": (0.01, 2.0)}, events=[fold()])
+    folds = [point["x"] for point in branch.special if point.kind == "LP"]
+    assert folds == pytest.approx([0.497, 0.503], abs=1e-6)

@@ -356,8 +356,8 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
         value = samples.event.value_or_nan(samples.segment.provisional(u))
         return abs(samples.deflated(u, value))
 
-    def glanced(u: float) -> float:  # kept
-        return abs(samples.deflated(u, samples.glance(u)))
+    def looked(u: float) -> float:  # on the curve: its cubic may be off by more than the dip
+        return abs(samples.deflated(u, samples.known(u)))
 
     f0, f1, f2 = values = [*map(samples.deflated, (0.0, 0.5, 1.0))]
     size = dict(zip((0.0, 0.5, 1.0), map(abs, values), strict=True))
@@ -382,7 +382,7 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     golden, left, right = 0.5 * (math.sqrt(5) - 1), places[at - 1], places[at + 1]
     first, last = size[left], size[right]
     inner, outer = right - golden * (right - left), left + golden * (right - left)
-    low, high = glanced(inner), glanced(outer)
+    low, high = looked(inner), looked(outer)
     while right - left > _ONE and not samples.changes():
         steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
         # no closer than shows that it stays above zero, even if it fell four times as fast inside
@@ -391,11 +391,11 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
         if low < high:
             right, last, outer, high = outer, high, inner, low
             inner = right - golden * (right - left)
-            low = glanced(inner)
+            low = looked(inner)
         else:
             left, first, inner, low = inner, low, outer, high
             outer = left + golden * (right - left)
-            high = glanced(outer)
+            high = looked(outer)
     u = 0.5 * (left + right)
     if samples.changes() or not _ONE < u < 1 - _ONE:  # at an end it only approaches zero
         return
@@ -404,8 +404,8 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     trusted = (value for v, value in size.items() if all(abs(v - z) > ASIDE for z in zeros))
     # where the test jumps it is small on one side alone
     if (
-        seen(u) < _TOUCH * max(trusted, default=0.0)
-        and max(seen(left), seen(right)) < LOW * highest
+        looked(u) < _TOUCH * max(trusted, default=0.0)
+        and max(looked(left), looked(right)) < LOW * highest
     ):
         reason = f"the test of {samples.event.kind} touches zero: none, or two at once"
         yield from _in_doubt(samples, samples.segment.provisional(u), left, right, reason)
