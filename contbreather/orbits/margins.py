@@ -244,6 +244,9 @@ def besides_contact(motion: Motion, site: int, contact: float, work: Matrix, row
 
 
 def is_image(motion: Motion, site: int, other: int) -> bool:
+    for wall in (LOW, HIGH):
+        if motion.places[site, wall] != motion.places[other, wall]:
+            return False
     points = points_of(motion.fine, motion.length)
     for p in range(points):
         t = motion.start + motion.length / points * p

@@ -39,7 +39,7 @@ NO_WALLS = (-math.inf, math.inf)
 
 OFFSET, LOW, HIGH, BACK = range(4)  # columns of places
 TIME, IMPULSE, SITE, WALL = range(4)  # rows of impacts
-IMAGE = 1e-9  # displacements that differ by less are images of each other
+IMAGE = 1e-9  # sites as far off their walls but for less are images of each other
 MANY = 4096  # sites whose responses are written down at once
 
 
@@ -108,11 +108,10 @@ def points_of(fine: int, length: float) -> int:
     return math.ceil(fine * max(1.0, length / math.pi) - 1e-9)
 
 
-def _images(path: FloatArray, half_periods: int) -> list[FloatArray]:
-    """A motion as symmetries may have it at another site: later by half periods of the forcing, and
-    with its sign turned."""
-    later = [np.roll(path, j * path.size // half_periods) for j in range(half_periods)]
-    return [*later, *(-path for path in later)]
+def _later(gaps: FloatArray, half_periods: int) -> list[FloatArray]:
+    """How far a motion is off its walls as symmetries, which may turn its sign, too, have it at
+    another site: later by half periods of the forcing."""
+    return [np.roll(gaps, j * gaps.size // half_periods) for j in range(half_periods)]
 
 
 # --- of an orbit ----------------------------------------------------------------------------------
@@ -263,18 +262,23 @@ class SiteMotion:
         return slopes
 
     def differences(self, sites: Sequence[int], other: int) -> FloatArray:
-        """Root mean squares of motions less that of another, or less its image under a symmetry
-        where one of them is that; of that less its forced one."""
+        """Root mean squares of motions less that of another, of that less its forced one; where
+        some symmetry has both as far off their walls, of that."""
         turns = 2 * self.section.turns
         times: FloatArray = self.start + math.pi / 8.0 * np.arange(8.0 * turns)
         paths = self.states(np.array([other, *sites])[:, None], times)[0]
         forced = self.on.a * self.response.forced((other,) * times.size, times)[0]
         same = np.array(sites) == other
         apart = np.where(same[:, None], paths[0] - forced, paths[1:] - paths[0])
-        squares = np.mean(apart**2, axis=1)
-        images = np.array(_images(paths[0], turns))
-        nearest = np.mean((paths[1:, None] - images) ** 2, axis=2).min(axis=1)
+        gaps = self._gaps((other, *sites), paths)
+        nearest = ((gaps[1:, None] - _later(gaps[0], turns)) ** 2).mean(axis=2).min(axis=1)
+        squares = np.maximum(np.mean(apart**2, axis=1), nearest)  # walls may differ, too
         return np.sqrt(np.where(same | (nearest > IMAGE**2), squares, nearest))
+
+    def _gaps(self, sites: Sequence[int], paths: FloatArray) -> FloatArray:
+        """How far sites are off their nearest walls along their paths."""
+        low, high = np.array([self.walls(n) for n in sites]).T[:, :, None]
+        return np.minimum(high - paths, paths - low)
 
     # ------------------------------------------------------------------------ for kernels
 
@@ -288,22 +292,20 @@ class SiteMotion:
         candidates, size = np.array(idle, dtype=int), points_of(self.fine, self.length)
         times = self.start + self.length / size * np.arange(size)
         profiles, speeds, curvatures = self._paths(times, candidates).swapaxes(1, 2)
-        low, high = np.array([self.walls(n) for n in idle]).T[:, :, None]
-        gaps = np.minimum(high - profiles, profiles - low)
+        gaps = self._gaps(idle, profiles)
         # between two places of the grid a site comes closer by no more than Taylor's first terms
         half = self.length / size / 2.0
         most = abs(curvatures).max(axis=1, keepdims=True)
         lowest = (gaps - half * (abs(speeds) + half / 2.0 * most)).min(axis=1)
-        gaps = gaps.min(axis=1)
+        closest = gaps.min(axis=1)
         if touching is not None and touching in candidates:
-            image = profiles[candidates == touching]
             half_periods = 1 if self.section.symmetric else 2 * self.section.turns
-            for each in _images(image[0], half_periods):
-                gaps[abs(profiles - each).max(axis=1) <= IMAGE] = math.inf
-        wanted = lowest <= gaps.min()
+            for later in _later(gaps[idle.index(touching)], half_periods):
+                closest[abs(gaps - later).max(axis=1) <= IMAGE] = math.inf
+        wanted = lowest <= closest.min()
         # far away sites move alike: of those the first
         wanted &= np.isin(
-            np.arange(candidates.size), np.unique(gaps.round(12), return_index=True)[1]
+            np.arange(candidates.size), np.unique(closest.round(12), return_index=True)[1]
         )
         wanted |= np.isin(candidates, list(near))
         sites = candidates[wanted].tolist()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import mpmath as mp
@@ -14,9 +15,11 @@ from scipy import sparse
 import contbreather as cb
 from contbreather.lattice.conditions import Conditions, Walls
 from contbreather.lattice.modal_flow import driven_spectrum, free_multipliers, propagator
+from contbreather.orbits.by_impacts import ByImpacts
 from contbreather.orbits.clearance import highest_neighbour
 from contbreather.orbits.constructors import asymmetric
 from contbreather.orbits.orbit import orbit_at
+from contbreather.orbits.site_motion import SiteMotion
 from contbreather.orbits.symmetries import images_of
 from tests.orbits.field import Field, FieldOf
 
@@ -434,13 +437,25 @@ def test_grazing_is_followed_where_several_sites_move_alike(lattice, site: int) 
         assert abs(point.solution.displacement(others, t)).max() == pytest.approx(1.0, abs=1e-6)
 
 
-def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_period_later() -> None:
-    on = {"k": 0.8, "damping": 0.03, "spring": 0.1}
-    alone = cb.trace(
-        cb.symmetric(0.65, 0.0, lattice=cb.Ring(1), **on), "a", within={"a": (0.65, 0.8)}
-    )
+@pytest.fixture(scope="module")
+def opposite() -> tuple[Any, Any]:
+    """Two arms of a pitchfork, without coupling: mirror images half a period later."""
+    on = {"k": 0.8, "damping": 0.03, "spring": 0.1, "lattice": cb.Ring(1)}
+    alone = cb.trace(cb.symmetric(0.65, 0.0, **on), "a", within={"a": (0.65, 0.8)})
     up, down = (arm[5] for arm in cb.switch(alone.first("PF"), within={"a": (0.65, 0.9)}))
-    both = cb.multibreather({1: up, 2: down}, a=up["a"], gamma=0.02, lattice=cb.OpenChain(4), **on)
+    return up, down
+
+
+SWINGS = {"k": 0.8, "damping": 0.03, "spring": 0.1}
+
+
+def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_period_later(
+    opposite,
+) -> None:
+    both = cb.multibreather(
+        dict(enumerate(opposite, 1)), a=opposite[0]["a"], gamma=0.02, lattice=cb.OpenChain(4),
+        **SWINGS,
+    )  # fmt: skip
     touch = cb.trace(both, "a", within={"a": (0.7, 1.0)}).first("GR")
     line = cb.boundary(touch, ("gamma", "a"), within={"gamma": (0.001, 0.08)})
     assert (line["gamma"].min(), line["gamma"].max()) == (0.001, 0.08)
@@ -450,6 +465,47 @@ def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_perio
         u = point.solution.displacement(np.array([[0], [3]]), times)
         tops = sorted([*u.max(axis=1), *-u.min(axis=1)])
         assert tops[2:] == pytest.approx([1.0, 1.0], abs=1e-7)
+
+
+def test_a_mirror_image_touches_where_walls_are_images_too(opposite) -> None:
+    """Each of the two has a low wall only, the second farther in than it swings at the first."""
+    both = cb.multibreather(
+        dict(enumerate(opposite, 1)), a=opposite[0]["a"], gamma=0.0085, lattice=cb.OpenChain(4),
+        walls={0: (-1.0, None), 3: (-0.985, None)}, **SWINGS,
+    )  # fmt: skip
+    touch = cb.trace(both, "a", within={"a": (0.7, 1.0)}).first("GR")
+    line = cb.boundary(touch, ("gamma", "a"), within={"gamma": (0.007, 0.009)})
+    end = line.first("GR-GR")
+    u = end.solution.displacement(np.array([[0], [3]]), np.linspace(0, 2 * np.pi, 20_001))
+    assert u.min(axis=1) == pytest.approx([-1.0, -0.985], abs=1e-6)
+
+
+def test_a_site_that_moves_alike_touches_where_its_walls_are_alike_too(opposite) -> None:
+    on, walls = {"gamma": 0.001, "lattice": cb.OpenChain(3)}, {0: (-1.0, None), 2: (None, 0.997877)}
+    one = cb.multibreather({1: opposite[0]}, a=opposite[0]["a"], walls=walls, **on, **SWINGS)
+    touch = cb.trace(one, "a", within={"a": (0.7, 1.0)}).first("GR")
+    end = cb.boundary(touch, ("k", "a"), within={"k": (0.79, 0.81)}).first("GR-GR")
+    u = end.solution.displacement(np.array([[0], [2]]), np.linspace(0, 2 * np.pi, 20_001))
+    assert [u[0].min(), u[1].max()] == pytest.approx([-1.0, 0.997877], abs=1e-6)
+
+
+def test_grazing_is_followed_where_another_site_has_the_opposite_drive() -> None:
+    chain = cb.OpenChain(4, drive=[1, 1, -1, -1])
+    both = cb.multibreather([1, 2], a=0.65, gamma=0.02, lattice=chain, **SWINGS)
+    touch = cb.trace(both, "a", within={"a": (0.6, 0.9)}).first("GR")
+    line = cb.boundary(touch, ("gamma", "a"), within={"gamma": (0.015, 0.025)})
+    assert [point.kind for point in line.special] == ["EP", "EP"]
+
+
+def test_sites_that_take_turns_are_images_a_period_later() -> None:
+    """No orbit, but the motion of one beyond PD: harder impacts of one site, then of the other."""
+    one = cb.multibreather([1, 2], a=0.65, gamma=0.02, lattice=cb.OpenChain(4), **SWINGS)
+    (_, _, t, J), on = one.impacts[0], one.representation.conditions
+    section = replace(one.section, impacts=((1, 1), (2, 1)) * 2, turns=2, sign=1)
+    times, impulses = [t, t, t + 2 * np.pi, t + 2 * np.pi], [1.1 * J, J, J, 1.1 * J]
+    motion = SiteMotion(ByImpacts.through(on, section, times, impulses, (0.0, 0.0)))
+    assert motion.differences([3], 0) < 1e-12
+    assert motion.differences([1], 0) > 1e-2
 
 
 def test_a_curve_of_grazing_ends_where_the_impact_itself_vanishes() -> None:
