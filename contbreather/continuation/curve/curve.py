@@ -54,7 +54,8 @@ class Curve:
         for name in free:
             if not isinstance(name, str) or name not in problem.params:
                 has = [*problem.params, *problem.freed_in_turn]
-                two = "" if isinstance(name, str) else "; `boundary` follows a point in two of them"
+                listed = isinstance(name, list | tuple)
+                two = "; `boundary` follows a point in two of them" if listed else ""
                 raise BadInput(f"{name!r} is not a parameter of this problem; it has {has}{two}")
         self.problem = problem  # a Problem, which is built on curves
         self.free = free
