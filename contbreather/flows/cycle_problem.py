@@ -611,6 +611,17 @@ class CycleProblem(Problem):
             problem = problem.halved()
         return problem
 
+    @property
+    def rounds(self) -> int:
+        return sum(flight.rounds for flight in self.residual.start)  # of each flow
+
+    def over(self, rounds: int) -> CycleProblem:
+        problem = self
+        while 2 * problem.rounds <= rounds:
+            both = twice(problem.residual, problem.x, problem.params)
+            problem = problem.of_flows(both, problem.params)
+        return problem
+
     def having(self, *names: str) -> Problem:
         """Free parameters, if the forcing keeps the period while these change, and what is
         conserved stays so; of a family the period or the energy, in place of the other one."""

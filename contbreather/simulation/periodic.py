@@ -407,8 +407,8 @@ class MotionProblem(maps.MapCycleProblem):
 
         return along if exact else None
 
-    def over(self, period: int) -> Problem:
-        return _dressed(super().over(period), self.back)
+    def over(self, rounds: int) -> Problem:
+        return _dressed(super().over(rounds), self.back)
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
         def doubled(point: Point) -> SwitchingProblem:

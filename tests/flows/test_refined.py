@@ -80,6 +80,18 @@ def test_an_equilibrium_and_its_cycles_in_one_file_are_given_their_equations(tmp
         cb.load(tmp_path / "both.nc", problem=rest)
 
 
+def test_an_arm_beyond_pd_gets_its_equations_back_from_the_cycle_that_was_given(tmp_path: Path):
+    start = {"x": 0.0, "y": -4.0, "z": 0.0}
+    orbit = cb.cycle(roessler, start, {"a": 0.2, "b": 0.2, "c": 2.7}, settle=200)
+    point = cb.trace(orbit, "c", within={"c": (2.7, 3.0)}).first("PD")
+    (arm,) = cb.switch(point, steps=cb.Steps(most=6))
+    cb.save(tmp_path / "arm.nc", arm)
+    again = cb.load(tmp_path / "arm.nc", problem=orbit)
+    np.testing.assert_array_equal(again[4].solution.states(0.3), arm[4].solution.states(0.3))
+    further = cb.extend(again, end="last", steps=cb.Steps(most=2))
+    assert further[-1]["period"] == pytest.approx(2 * point["period"], rel=0.02)
+
+
 def test_prey_that_all_but_dies_out_sets_the_period() -> None:
     """Bazykin's predators and prey, of which 1e-11 is left between two outbreaks: the period was
     1e-3 off, and the trivial multiplier 1 to 5e-5. In logarithms nothing is small."""

@@ -226,6 +226,8 @@ class MapCycleProblem(Problem):
     def period(self) -> int:
         return self.residual.period
 
+    rounds = period
+
     def tied(self, functions: Mapping[str, Any], **values: float) -> Any:
         """Tie the parameters of the map: its cycles double as before."""
         if type(self) is not MapCycleProblem:
@@ -240,9 +242,8 @@ class MapCycleProblem(Problem):
         points = np.array(self.residual.phases(point.x, point.params))
         return MapCycle(points, multiplier_matrix(point), point.params)
 
-    def over(self, period: int) -> Problem:
-        """Write the same orbit as one of another period."""
-        return with_period(self, period)
+    def over(self, rounds: int) -> Problem:
+        return with_period(self, rounds)
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)[1:]

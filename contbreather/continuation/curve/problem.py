@@ -135,6 +135,15 @@ class Structure:
         return self
 
     @property
+    def rounds(self) -> int | None:
+        """How many times it goes around what it is an orbit of, if it is one; `over` sets that."""
+        return None
+
+    def over(self, rounds: int) -> Any:
+        """Write the same orbit as one that goes around so often, as of a file beyond PD."""
+        return self
+
+    @property
     def freed_in_turn(self) -> tuple[str, ...]:
         """Parameters that may be free in place of one of these, as the energy of a family of orbits
         in place of its period: sentences name them, too."""

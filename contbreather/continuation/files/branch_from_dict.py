@@ -18,7 +18,6 @@ from ...storage.netcdf import check_lengths
 from ...storage.serialise import can_read, check_types, from_dict
 from ..algebra.newton import Undefined
 from ..bifurcations.equilibria import branch_point, fold, has_multipliers, hopf
-from ..bifurcations.maps import MapCycleProblem
 from ..branches.boundary import boundary_problem
 from ..curve.branch import Branch, Points, Stop, labelled
 from ..curve.curve import Curve
@@ -142,8 +141,7 @@ class _Stored:
             if content["boundary"]:
                 curve.varied = (content["free"][0], content["unknowns"][-1])
             return curve, self._settings(()), ()
-        if content["period"] is not None and isinstance(problem, MapCycleProblem):
-            # of the map that was given, another iterate
+        if content["period"] is not None:  # another iterate of the map, or beyond PD
             problem = problem.over(content["period"])
         if turned := [name for name in problem.freed_in_turn if name in content["parameters"]]:
             problem = problem.having(*turned)  # as where it was traced
