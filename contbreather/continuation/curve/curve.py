@@ -6,7 +6,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from contextlib import suppress
-from functools import partial
+from functools import cached_property, partial
 from itertools import count
 from typing import Any, TypeVar
 
@@ -40,6 +40,7 @@ Params = Mapping[str, float]
 Residual = Callable[[Any, Any], Any]  # f(x, p) of an array and a dict, however these are annotated
 
 LEVEL = 1e-9  # a component of a unit vector that is smaller is rounding
+TINY = 1e-10  # an unknown or a parameter that is smaller, in its scale, is zero
 PASSED = 9  # latest places of a walk that say how large its equations are
 AHEAD = 1e-3  # how far off, relative to 1 + |z|, where curves cross looks like any other place
 
@@ -110,13 +111,7 @@ class Curve:
         """Size of the derivative of each equation along the latest piece of curve: what is small
         against it counts as zero."""
         if self._row_scales is None:
-            sizes = self._row_scales = self.row_sizes(self.start)
-            # a row of this relative size says nothing of its equation
-            if not (sizes.size > 1 and sizes.min() > 1e-9 * sizes.max()):
-                # where curves cross a whole row, or the only one, may vanish: it is seen aside
-                z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
-                with suppress(Undefined):
-                    self._row_scales = np.maximum(sizes, self.row_sizes(z))
+            self._row_scales = self._first_sizes
         passed, self._passed = self._passed, []
         for z in passed:
             # halved, not forgotten: a row may vanish for a moment, as where curves cross
@@ -126,6 +121,26 @@ class Curve:
     @row_scales.setter
     def row_scales(self, sizes: Array) -> None:
         self._row_scales = sizes
+
+    @cached_property
+    def _first_sizes(self) -> Array:
+        sizes = self.row_sizes(self.start)
+        # a row of this relative size says nothing of its equation; those of x' = F are compared
+        # as rates
+        rates = sizes / self.scales[: self.size]
+        if not (rates.size > 1 and rates.min() > 1e-9 * rates.max()):
+            # where curves cross a whole row, or the only one, may vanish: it is seen aside
+            z = self.start + AHEAD * (1 + self.length(self.start)) * self.scales
+            with suppress(Undefined):
+                checked_finite(self.jacobian(z))
+                return np.maximum(sizes, self.row_sizes(z))
+        return sizes
+
+    @cached_property
+    def row_units(self) -> Array:
+        """Units of the equations, the same all along the curve: powers of a million, so that those
+        of usual size stay as they are."""
+        return np.asarray(2.0 ** (20 * np.round(np.log2(self._first_sizes) / 20)))
 
     def passes(self, z: Array) -> None:
         """Take note of a place of a walk, for `row_scales`: they are wanted on few of them."""

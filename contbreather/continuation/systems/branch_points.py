@@ -30,6 +30,7 @@ from ..algebra.sparse import (
     checked_finite,
     is_large,
     is_sparse,
+    scaled,
 )
 from ..curve.branch import Points
 from ..curve.curve import Curve
@@ -148,7 +149,7 @@ def branch_point_test(point: Point) -> float:
 
 
 def bordered_matrix(point: Point) -> Matrix:
-    """The derivative and the row of the tangent, in the scales of the unknowns."""
+    """The derivative, in `row_units`, and the row of the tangent, in the scales of the unknowns."""
     curve, row = point.curve, point.curve.metric * point.direction
     matrix = curve.jacobian(point.z)
     if is_large(matrix):
@@ -156,7 +157,7 @@ def bordered_matrix(point: Point) -> Matrix:
         assert isinstance(factors, Factors)
         return Bordered(factors, row, curve.scales)
     whole = np.empty((point.z.size, point.z.size))
-    whole[:-1], whole[-1] = matrix, row
+    whole[:-1], whole[-1] = matrix / curve.row_units[:, None], row
     whole *= curve.scales
     return whole
 
@@ -167,6 +168,7 @@ def bordered_matrices(points: Points) -> Array | None:
     matrices = curve.jacobians(points.z)
     if matrices is None:
         return None
+    matrices = matrices / curve.row_units[:, None]
     rows = (curve.metric * points.tangent)[:, None, :]
     return np.asarray(np.concatenate([matrices, rows], axis=1) * curve.scales)
 
@@ -242,13 +244,15 @@ class _LostRank:
     direction: Array
 
     def _vectors(self, curve: Curve, z: Array) -> tuple[Array, Array, Array]:
-        """Two orthonormal vectors v to the right and one w to the left, in the units of rows, and
-        ``w^T A v``: where that vanishes they are null vectors."""
+        """Two vectors v to the right, orthonormal in scales, and one w to the left, in the units of
+        rows, and ``w^T A v``: where that vanishes they are null vectors."""
 
         def make(z: Array) -> tuple[Array, Array, Array]:
             # | A       b |  A is n x (n + 1), of rank n - 1: with the borders b, next to its left
             # | null^T  0 |  null vector, and the two right ones below it is regular
-            A, n = _columns(curve.jacobian(z), self.direction), curve.size
+            plain, n = _columns(curve.jacobian(z), self.direction), curve.size
+            units = _units(curve)
+            A = scaled(plain, 1 / curve.row_units, units)
             below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
             wider, rows = beside(A, self.b[:, None]), [below] if is_sparse(A) else []
             factors: Any = Factors(wider) if rows else Dense(above(wider, below))
@@ -259,8 +263,9 @@ class _LostRank:
             # far from where the borders are from they may be at right angles to the null vectors:
             # there the inverse has a pole, which directions do not, and w with this sign
             left, _, right = np.linalg.svd(v, full_matrices=False)
-            v, w = left @ right, w * (sign / np.linalg.norm(w * curve.row_scales))
-            return v, w, w @ A @ v
+            v, w = units[:, None] * (left @ right), w / curve.row_units
+            w = w * (sign / np.linalg.norm(w * curve.row_scales))
+            return v, w, w @ plain @ v
 
         return curve.cached(f"lost rank {id(self)}", z, make)
 
@@ -307,14 +312,20 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     least = int(abs(values).argmin())
     if abs(values[least]) > 1e-5 * abs(values).max():
         raise Undefined(refusal)
-    tangent = (axes[:, least] @ null * curve.scales)[-2:]
+    tangent = (axes[:, least] @ null)[-2:]
     if not np.linalg.norm(tangent) > RANK:
         raise Undefined(f"the branch point does not move with {first} and {second}")
-    # at a right angle to how the parameters change along the curve
-    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
-    across = least_singular(_columns(point.jacobian(), direction))
+    # at a right angle, in their scales, to how the parameters change along the curve
+    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent) * curve.scales[-2:]
+    A = _columns(point.jacobian(), direction)
+    across = least_singular(scaled(A, 1 / curve.row_units, _units(curve)))
     # each row in its own size: what is left of the conditions is then rounding, as of equations
-    return weak.left * curve.row_scales, across.plane, direction
+    return weak.left * (curve.row_scales / curve.row_units), across.plane, direction
+
+
+def _units(curve: Curve) -> Array:
+    """Those of the columns of A: the direction has its own."""
+    return np.append(curve.scales[: curve.size], 1.0)
 
 
 def _refuse_to_part(point: Point) -> float:

@@ -1,0 +1,64 @@
+"""Units that must not decide: states, parameters and time in others than those of order one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+
+import contbreather as cb
+from contbreather.continuation import Problem
+
+EVENTS = (cb.fold(), cb.branch_point(), cb.hopf())
+
+
+def in_units(
+    rates: Callable[[Any, Mapping[str, float]], list[Any]],
+    start: Mapping[str, float],
+    params: Mapping[str, float],
+    units: Mapping[str, float],
+    time: float,
+    **more: Any,
+) -> Problem:
+    """The flow ``x' = rates`` with each quantity multiplied by its unit."""
+    sizes = np.array([units[name] for name in start])
+
+    def residual(x: Any, p: Mapping[str, float]) -> Any:
+        return np.array(rates(x / sizes, {n: p[n] / units[n] for n in params})) * sizes / time
+
+    begin, at = ({n: v * units[n] for n, v in of.items()} for of in (start, params))
+    return Problem(residual, begin, at, **more)
+
+
+def rods(x: Any, p: Mapping[str, float]) -> list[Any]:
+    """Two rods that buckle at P = 1 and at P = 3."""
+    a, b = x
+    return [-2 * a + b + p["P"] * np.sin(a), a - 2 * b + p["P"] * np.sin(b)]
+
+
+def test_branch_points_do_not_depend_on_the_units_of_equations() -> None:
+    units = {"a": 1e-7, "b": 1e8, "P": 1e11}
+    problem = in_units(rods, {"a": 0.0, "b": 0.0}, {"P": 0.5}, units, 1e-9, scales=units)
+    branch = cb.trace(problem, "P", within={"P": (1e10, 4e11)}, events=EVENTS)
+    found = {point.label: point["P"] / 1e11 for point in branch.special}
+    assert found == pytest.approx({"EP1": 0.1, "BP1": 1.0, "BP2": 3.0, "EP2": 4.0}, abs=1e-9)
+    assert not branch.doubtful
+
+
+def epidemic(x: Any, p: Mapping[str, float]) -> list[Any]:
+    susceptible, ill = x
+    new = p["R"] * susceptible * ill
+    return [1 - susceptible - new, new - ill - p["c"] * ill / (1 + 20 * ill)]
+
+
+def test_a_curve_of_branch_points_does_not_depend_on_the_units_of_its_parameters() -> None:
+    units = {"S": 1e-7, "I": 1e9, "R": 1e11, "c": 1e-2}
+    start, params = {"S": 1.0, "I": 0.0}, {"R": 1.0, "c": 2.0}
+    problem = in_units(epidemic, start, params, units, 0.1, scales=units)
+    R, c = units["R"], units["c"]
+    branch = cb.trace(problem, "R", within={"R": (0.5 * R, 5 * R)}, events=EVENTS)
+    curve = cb.boundary(branch.first("BP"), ("c", "R"), within={"c": (0.5 * c, 6 * c)})
+    assert [point.label for point in curve.special] == ["EP1", "EP2"]
+    assert curve["R"] / R == pytest.approx(1 + curve["c"] / c)
