@@ -62,3 +62,21 @@ def test_a_curve_of_branch_points_does_not_depend_on_the_units_of_its_parameters
     curve = cb.boundary(branch.first("BP"), ("c", "R"), within={"c": (0.5 * c, 6 * c)})
     assert [point.label for point in curve.special] == ["EP1", "EP2"]
     assert curve["R"] / R == pytest.approx(1 + curve["c"] / c)
+
+
+def electrostatic(x: Any, p: Mapping[str, float]) -> list[Any]:
+    """A plate drawn by a voltage, which it gives in to at e V^2 = 4/27."""
+    u, v = x
+    return [v, -u - 0.5 * v + p["e"] * p["V"] ** 2 / (1 - u) ** 2]
+
+
+def test_cusps_on_a_curve_of_folds_do_not_depend_on_units() -> None:
+    units = {"u": 1e-7, "v": 1e10, "V": 1.0, "e": 10.0}
+    problem = in_units(
+        electrostatic, {"u": 0.0, "v": 0.0}, {"V": 0.1, "e": 1.0}, units, 1e3, scales=units
+    )
+    branch = cb.trace(problem, "V", within={"V": (0.01, 1.0)}, events=EVENTS)
+    curve = cb.boundary(branch.first("LP"), ("e", "V"), within={"e": (1.0, 40.0)})
+    assert curve["e"] / 10 * curve["V"] ** 2 == pytest.approx(4 / 27)
+    assert [point.label for point in curve.special] == ["EP1", "EP2"]
+    assert not curve.doubtful

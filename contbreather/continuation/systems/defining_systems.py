@@ -157,22 +157,23 @@ def overlap(point: Point) -> float:
     return float(weak.sign * weak.left @ weak.right)
 
 
-# A fold. The null vector is an unknown like any other
+# A fold. The null vector, in the scales of the unknowns, is an unknown like any other
 # (G. Moore and A. Spence, SIAM J. Numer. Anal. 17, 567, 1980):
 #     | F_x          0       F_p    |
 #     | (F_x v)_x   F_x   (F_x v)_p |
 #     | 0          2 v^T      0     |
 def null_conditions(curve: Curve, z: Array, v: Array) -> Array:
     """``F_x v`` and ``|v|^2 - 1``."""
-    return np.append(curve.jacobian(z)[:, : curve.size] @ v, v.dot(v) - 1)
+    scales = curve.scales[: curve.size]
+    return np.append(curve.jacobian(z)[:, : curve.size] @ (scales * v), v.dot(v) - 1)
 
 
 def null_slopes(curve: Curve, z: Array, v: Array) -> Array:
-    n = curve.size
+    n, scales = curve.size, curve.scales[: curve.size]
     rows = np.zeros((n + 1, z.size + n))
     # second derivatives are symmetric: d/dz (F_x v) is the derivative of F_z along v
-    rows[:n, : z.size] = curve.along(z, v)
-    rows[:n, z.size :] = curve.jacobian(z)[:, :n]
+    rows[:n, : z.size] = curve.along(z, scales * v)
+    rows[:n, z.size :] = curve.jacobian(z)[:, :n] * scales
     rows[n, z.size :] = 2 * v
     return rows
 
