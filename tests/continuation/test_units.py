@@ -80,3 +80,24 @@ def test_cusps_on_a_curve_of_folds_do_not_depend_on_units() -> None:
     assert curve["e"] / 10 * curve["V"] ** 2 == pytest.approx(4 / 27)
     assert [point.label for point in curve.special] == ["EP1", "EP2"]
     assert not curve.doubtful
+
+
+def test_hopf_points_are_found_without_scales_where_one_state_is_a_million_of_the_other() -> None:
+    def brusselator(x: Any, p: Mapping[str, float]) -> list[Any]:
+        a, b = x
+        return [1 - (p["B"] + 1) * a + a * a * b, p["B"] * a - a * a * b]
+
+    plain = dict.fromkeys("abB", 1.0)
+    units = {"a": 1e3, "b": 1e-3, "B": 100.0}
+    first, other = (
+        cb.trace(
+            in_units(brusselator, {"a": 1.0, "b": 1.0}, {"B": 1.0}, of, time),
+            "B", within={"B": (0.5 * of["B"], 4 * of["B"])}, events=EVENTS,
+        )
+        for of, time in ((plain, 1.0), (units, 1e4))
+    )  # fmt: skip
+    hopf, same = first.first("HB"), other.first("HB")
+    assert same["B"] / 100 == pytest.approx(hopf["B"])
+    assert same.detail["omega"] * 1e4 == pytest.approx(hopf.detail["omega"])
+    assert same.detail["criticality"] == hopf.detail["criticality"]
+    assert not other.doubtful

@@ -226,8 +226,7 @@ def _hopf_tests(points: Points) -> Many | None:
     matrices, values = curve.jacobians(points.z), curve.spectra(points.z)
     if matrices is None or values is None:
         return None
-    scales = curve.scales[: curve.size]
-    flows = matrices[:, :, : curve.size] / scales[:, None] * scales
+    flows, _ = spectrum.balanced(curve, points.z, matrices)
     rounding = spectrum.ROUNDING * np.linalg.norm(flows, axis=(1, 2))
     first, second = spectrum.pairs(values.T)
     rounding = rounding[:, None]

@@ -45,6 +45,7 @@ from ..algebra.sparse import (
 )
 from ..curve.curve import Curve
 from ..curve.point import Detail, Point
+from .spectrum import balanced_at
 
 Complex = NDArray[np.complex128]
 
@@ -99,11 +100,13 @@ class Forms:
         every = np.arange(self.curve.size)
         self.moved = every if problem.perturbed is None else problem.perturbed
         self.n = self.moved.size
-        self.scales = self.curve.scales[self.moved]
+        scales = self.scales = self.curve.scales[self.moved]
+        if self.closing is None and not is_large(self.curve.in_unknowns(self.z)):
+            self.scales = balanced_at(self.curve, self.z)[1][self.moved]
         self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
         if self.closing is None:
-            self.T, self.units = plus_diagonal(0 * self.A, 1.0), np.ones(self.n)
+            self.T, self.units = plus_diagonal(0 * self.A, 1.0), self.scales / scales
         else:  # the scale of a cycle is that of one orbit, by which no length should be told
             self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
@@ -121,8 +124,9 @@ class Forms:
 
     def closed(self, mu: complex) -> Matrix:
         """The matrix that takes to zero a perturbation that comes back grown by mu."""
-        matrix = closed(self.curve, self.curve.in_unknowns(self.z), mu)
-        return matrix if self.closing is None else self._scaled(matrix)
+        if self.closing is None:
+            return plus_diagonal(self.A, 1 - mu)
+        return self._scaled(closed(self.curve, self.curve.in_unknowns(self.z), mu))
 
     def eigenvectors(self, matrix: Matrix) -> tuple[Any, Any]:
         """Null vectors (q, p) of a matrix that has one: ``M q = 0``, ``conj(p) M = 0``."""

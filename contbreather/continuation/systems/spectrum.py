@@ -34,7 +34,7 @@ from ..algebra.sparse import (
     plus_diagonal,
     scaled,
 )
-from ..curve.curve import Curve
+from ..curve.curve import TINY, Curve
 from ..curve.point import Point
 
 Values = NDArray[np.complex128]
@@ -44,6 +44,7 @@ Values = NDArray[np.complex128]
 ROUNDING = 2e-13
 FEW = 250  # rows up to which all eigenvalues at once take less time
 OUTSIDE = 1 + 1e-9  # modulus of multipliers up to which rounding has them on the unit circle
+_UNEVEN = 1e-3  # of its norm: a matrix that comes to less in other units is large by its own
 _CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root splits double ones
 _EXACT = 1e-12  # relative change of trace and determinant that ends the iteration for a pair
 
@@ -282,9 +283,30 @@ def flow(curve: Curve, z: Array) -> Matrix:
     return scaled(curve.jacobian(z)[:, : curve.size], 1 / scales, scales)
 
 
+def balanced(curve: Curve, rows: Array, matrices: Array) -> tuple[Array, Array]:
+    """Dense derivatives at several z between unknowns in their scales, or in their sizes where
+    nothing but units makes them large; and the units of each."""
+    scales = curve.scales[: curve.size]
+    units = np.ones((len(rows), curve.size))
+    for slot in curve.problem.slots.values():
+        sizes = abs(rows[:, slot] / curve.scales[slot]).reshape(len(rows), -1).max(axis=1)
+        powers = 2.0 ** np.round(np.log2(np.where(sizes > TINY, sizes, 1.0)))
+        units[:, slot] = powers.reshape(-1, *[1] * (units[:, slot].ndim - 1))
+    flows = matrices[:, :, : curve.size] / scales[:, None] * scales
+    others = flows / units[:, :, None] * units[:, None, :]
+    large = np.linalg.norm(others, axis=(1, 2)) < _UNEVEN * np.linalg.norm(flows, axis=(1, 2))
+    flows[large], units[~large] = others[large], 1.0
+    return flows, units * scales
+
+
+def balanced_at(curve: Curve, z: Array) -> tuple[Array, Array]:
+    matrices, units = balanced(curve, z[None], dense(curve.jacobian(z))[None])
+    return matrices[0], units[0]
+
+
 def all_eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
     """The eigenvalues of the derivative in the unknowns."""
-    matrix = dense(flow(curve, z))
+    matrix, _ = balanced_at(curve, z)
     return Eigenvalues(curve.spectrum(z), ROUNDING * float(np.linalg.norm(matrix)), matrix)
 
 
@@ -441,6 +463,8 @@ def plane_conditions(curve: Curve, z: Array, extra: Array) -> Array:
 
 def plane_slopes(curve: Curve, z: Array, extra: Array) -> Array:
     plane, scales = _plane(curve, z, float(extra[0])), curve.scales[: curve.size]
+    if not is_sparse(curve.jacobian(z)):
+        _, scales = balanced_at(curve, z)
     # left.T A' right, with the derivative of the Jacobian along each vector of the plane
     changes = [curve.along(z, vector * scales) for vector in plane.right.T]
     left = (plane.left / scales[:, None]).T
