@@ -101,3 +101,32 @@ def test_hopf_points_are_found_without_scales_where_one_state_is_a_million_of_th
     assert same.detail["omega"] * 1e4 == pytest.approx(hopf.detail["omega"])
     assert same.detail["criticality"] == hopf.detail["criticality"]
     assert not other.doubtful
+
+
+def test_what_may_be_due_to_sizes_names_them() -> None:
+    units = {"x": 1e-4, "r": 10.0, "h": 0.1}
+    leaping = in_units(
+        lambda x, p: [p["h"] + p["r"] * x[0] - x[0] ** 3],
+        {"x": -1.5}, {"r": 1.0, "h": -1.875}, units, 1e-4,
+    )  # fmt: skip
+    branch = cb.trace(leaping, "h", within={"h": (-0.3, 0.3)}, events=EVENTS)
+    assert branch.doubtful
+    for point in branch.doubtful:
+        assert "give the problem scales={'x': " in point.detail["reason"]
+    line = Problem(lambda x, p: np.array([x[0] - p["E"]]), {"x": 0.0}, {"E": 0.0})
+    branch = cb.trace(line.at(E=2e5, x=2e5), "E", towards="up", steps=cb.Steps(most=3))
+    assert "give the problem scales={'x': 200000.0, 'E': 200000.0}" in branch.reason
+    none = Problem(lambda x, p: np.array([x[0] ** 2 + 1e12]), {"x": 1e6}, {"E": 0.0})
+    with pytest.raises(cb.NotConverged, match=r"scales=\{'x': 1000000.0\}"):
+        none.solve()
+
+
+def test_a_derivative_that_is_none_beside_the_start_gives_no_size_of_its_row() -> None:
+    """In units of 1 a short way off the start is a million times the state, beyond all values."""
+    units = {"x": 1e-6, "mu": 1.0}
+    problem = in_units(
+        lambda x, p: [p["mu"] - np.where(abs(x[0]) < 100.0, x[0], np.nan) ** 2],
+        {"x": 1.0}, {"mu": 1.0}, units, 1.0,
+    )  # fmt: skip
+    branch = cb.trace(problem, "mu", within={"mu": (-1.0, 4.0)}, events=EVENTS)
+    assert np.isfinite(branch[0].curve.row_scales).all()

@@ -358,6 +358,7 @@ class ContinuationIterator:
     def branch(self) -> Branch:
         points, end = labelled(Points.joined(self.walked)), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
+        doubtful = [*map(_with_scales, doubtful)]
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
     def run(self) -> Generator[Point, None, End]:
@@ -542,10 +543,19 @@ class ContinuationIterator:
         if stop is Stop.EVENT:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:
-            return self.growth.towards(point.z, point.direction)
+            towards = self.growth.towards(point.z, point.direction)
+            return "; ".join(filter(None, (towards, unlike_scales(self.curve, point.z))))
         for bound in self.way.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):
                 if math.isclose(value, edge, rel_tol=EXACT):
                     return f"the domain of {bound.name} ends at {value:g}"
         return ""
+
+
+def _with_scales(doubtful: Point) -> Point:
+    """Say which sizes may be why an event is in doubt."""
+    if not (advice := unlike_scales(doubtful.curve, doubtful.z)):
+        return doubtful
+    said = filter(None, (doubtful.detail.get("reason", ""), advice))
+    return replace(doubtful, detail={**doubtful.detail, "reason": "; ".join(said)})
