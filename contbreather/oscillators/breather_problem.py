@@ -151,7 +151,8 @@ class Breather(Cycle):
         ``1/(2 pi)`` of the integral of ``m v du`` over a period: ``dE = omega d(action)`` along a
         family.
     participation : float
-        ``(sum e)^2 / sum e^2`` of the mean energies of the sites: about how many take part.
+        ``(sum e)^2 / sum e^2`` of the mean energies of the sites, above those at
+        rest: about how many take part.
     largest : float
         The largest modulus of the multipliers.
 
@@ -243,7 +244,9 @@ class Breather(Cycle):
 
     @property
     def participation(self) -> float:
-        return float(self._energies.sum() ** 2 / (self._energies**2).sum())
+        rest = self.chain.site_energies(np.zeros(2 * self.chain.sites), self.params)
+        above = self._energies - rest
+        return float(above.sum() ** 2 / (above**2).sum())
 
     @property
     def largest(self) -> float:

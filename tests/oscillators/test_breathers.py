@@ -200,6 +200,18 @@ def test_oscillations_over_a_barrier_are_among_those_of_a_frequency(omega, code,
     assert (u == high) if code > 0 else (u == low)
 
 
+def test_how_many_sites_take_part_is_no_matter_of_the_zero_of_the_energy() -> None:
+    one, two = (
+        cb.breather(
+            cb.Oscillators(V=V, W=LINEAR, lattice=cb.Ring(6)), {2: 1}, omega=0.8, params={"c": 0.05}
+        ).solution
+        for V in ("1 - cos(u)", "-cos(u)")
+    )
+    assert two.energy == pytest.approx(one.energy - 6)
+    assert two.participation == pytest.approx(one.participation)
+    assert 1 < one.participation < 1.2
+
+
 def test_potentials_may_be_functions() -> None:
     """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
     V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
