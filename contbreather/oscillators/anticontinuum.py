@@ -111,18 +111,20 @@ class SingleOscillator:
         slopes = (over[at + 1] - over[at]) / (a[at + 1] - a[at])
         return list(a[at] - over[at] / slopes)
 
+    @np.errstate(all="ignore")
     def amplitude(self, code: float, omega: float) -> float:
         """The amplitude that a code stands for: of 1 and -1 the smallest one, on that side; of
         others that which is nearest."""
         sign = math.copysign(1.0, code)
-        known = math.pi / self.known(sign)[1]
+        a, halves = self.known(sign)
+        known, upto = math.pi / halves, a[~np.isnan(self(sign * a))].max()
         if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         if found := self.amplitudes(omega, sign):
             wanted = 0.0 if abs(code) == 1.0 else abs(code)
             return sign * min(found, key=lambda a: abs(a - wanted))
         raise NoSolution(
-            f"site {self.site}: alone, up to |u| = {_AMPLITUDES[-1]:g}, it oscillates at "
+            f"site {self.site}: alone, up to |u| = {upto:.3g}, it oscillates at "
             f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"
         )
 
@@ -169,12 +171,13 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, bool]:
     pull, push = chain.gradient(u, p), chain.gradient(-u, p)
     odd = not chain.dissipative and abs(pull + push).max() <= 1e-12 * abs(pull).max()
     m = np.arange(1, int(high / omega) + 3, 2 if odd else 1)
+    m = m if low else np.append(0, m)  # what moves freely at rest has any mean
     off = np.maximum(np.maximum(low - m * omega, m * omega - high), 0.0)
     j = int(off.argmin())
     where = "lies in" if off[j] == 0 else f"is {off[j]:.3g} off"
-    name = "the frequency itself" if m[j] == 1 else f"harmonic {m[j]}"
+    name = {0: "the mean", 1: "the frequency itself"}.get(int(m[j]), f"harmonic {m[j]}")
     edges = f"the band of small oscillations, {low:.6g} to {high:.6g}"
-    return f"{name}, {m[j] * omega:.6g}, {where} {edges}", bool(off[j] == 0)
+    return f"{name}, {m[j] * omega:.6g}, {where} {edges}", bool(off[j] == 0 and m[j])
 
 
 # --- driven ones ---------------------------------------------------------------------------------
