@@ -240,6 +240,8 @@ def ranged(on: C) -> C:
 
 def check_state(state: Any) -> State:
     """A copy of a state as two float arrays, or what is wrong with it."""
+    if hasattr(getattr(state, "solution", state), "begin_of_orbit"):
+        raise BadInput(f"{brief(state)} has its own equations: cb.integrate follows it")
     u, v = state_rows(state)
     fast = int(np.abs(v).argmax())
     if abs(v[fast]) > 1e6:  # its energy would blow up

@@ -190,3 +190,11 @@ def test_a_name_has_one_default_wherever_it_is_given() -> None:
         own = defaults(of)
         for name in set(own) & set(walks):
             assert own[name] == walks[name], (of.__name__, name)
+
+
+def test_a_breather_with_equations_of_its_own_is_refused_with_what_moves_it() -> None:
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", lattice=cb.Ring(2))
+    breather = cb.breather(chain, {0: 1, 1: 1}, omega=1.5)
+    for given in (breather, breather.solution):
+        with pytest.raises(BadInput, match=r"its own equations: cb\.integrate follows it"):
+            cb.simulate(given, periods=1)
