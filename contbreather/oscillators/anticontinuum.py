@@ -117,14 +117,14 @@ class SingleOscillator:
         others that which is nearest."""
         sign = math.copysign(1.0, code)
         a, halves = self.known(sign)
-        known, upto = math.pi / halves, a[~np.isnan(self(sign * a))].max()
+        known, reach = math.pi / halves, a[~np.isnan(self(sign * a))].max()
         if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         if found := self.amplitudes(omega, sign):
             wanted = 0.0 if abs(code) == 1.0 else abs(code)
             return sign * min(found, key=lambda a: abs(a - wanted))
         raise NoSolution(
-            f"site {self.site}: alone, up to |u| = {upto:.3g}, it oscillates at "
+            f"site {self.site}: alone, up to |u| = {reach:.3g}, it oscillates at "
             f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"
         )
 

@@ -77,11 +77,12 @@ def newton(
         # Problems, section 2.1): from 1/2 on the iteration is not in its quadratic phase
         slow = 2.0 * moved > previous
         # beside a large entry a correction of the others is short wherever they are
-        short = moved <= bound
+        short = together = moved <= bound
         if short and bound >= LARGE * tolerance:
             short = _each_is_short(curve, z - step, step, tolerance)
         if slow and not short:
             solved = bool((abs(value) <= rounding(matrix, z)).all())
+            solved = solved or (together and _blindly_solved(curve, matrix, z, value))
             residual = float(abs(value).max())
             # where rounding decides how long corrections are one may have been short by chance:
             # the next one grows by less than the residual falls
@@ -92,10 +93,7 @@ def newton(
         if short:
             value, solved = curve.equations(z), True
             if singular:  # the shortest correction may be short far from any solution
-                terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
-                terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
-                # relative to the terms of its row: a solution, where Newton's iteration is blind
-                solved = bool((abs(value) <= 1e-12 * terms).all())
+                solved = _blindly_solved(curve, matrix, z, value)
             return Solution(z, solved, iteration, float(abs(value).max()))
         # J may stay: off by O(|dz|), it changes the next correction, O(|dz|^2), by O(|dz|^3)
         # and no curvature is in the way where it is so much shorter than the one before
@@ -149,6 +147,14 @@ def chord(
         steps.append(step)
         z, most = z - step, _SHRINKS * moved
         value = curve.equations(z)
+
+
+def _blindly_solved(curve: Equations, matrix: Matrix, z: Array, value: Array) -> bool:
+    """Tell whether what is left is small beside the terms of its row: a solution, where Newton's
+    iteration is blind."""
+    terms = abs(matrix) @ (abs(z) + curve.metric**-0.5)
+    terms[terms == 0] = 1.0  # one that no entry of z moves is compared with 1
+    return bool((abs(value) <= 1e-12 * terms).all())
 
 
 def _each_is_short(curve: Equations, z: Array, step: Array, tolerance: float) -> bool:
