@@ -130,3 +130,28 @@ def test_a_derivative_that_is_none_beside_the_start_gives_no_size_of_its_row() -
     )  # fmt: skip
     branch = cb.trace(problem, "mu", within={"mu": (-1.0, 4.0)}, events=EVENTS)
     assert np.isfinite(branch[0].curve.row_scales).all()
+
+
+def test_l1_has_a_sign_whatever_the_units_of_states() -> None:
+    def brusselator(x: Any, p: Mapping[str, float]) -> list[Any]:
+        a, b = x
+        return [1 - (p["B"] + 1) * a + a * a * b, p["B"] * a - a * a * b]
+
+    units = {"a": 1e6, "b": 1.0, "B": 1.0}
+    problem = in_units(brusselator, {"a": 1.0, "b": 1.0}, {"B": 1.0}, units, 1.0)
+    hopf = cb.trace(problem, "B", within={"B": (0.5, 4.0)}, events=EVENTS).first("HB")
+    # -1/2 of the vector (1, -1 + i), of length sqrt(3), as 1: of one that is 1 in a thrice that
+    assert hopf["l1"] == pytest.approx(-1.5e-12, rel=1e-6)
+    assert hopf["criticality"] == "supercritical"
+
+
+def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states() -> None:
+    def takens(x: Any, p: Mapping[str, float]) -> list[Any]:
+        u, v = x - 1
+        return [v, p["c"] + p["d"] * u + u**2 - u * v]
+
+    units = {"x": 1e4, "y": 1.0, "c": 1.0, "d": 1.0}
+    problem = in_units(takens, {"x": 0.2, "y": 1.0}, {"c": -0.5, "d": 0.3}, units, 1.0)
+    fold = cb.trace(problem, "c", within={"c": (-1.0, 0.5)}, events=EVENTS).first("LP")
+    point = cb.boundary(fold, ("d", "c"), within={"d": (-1, 1)}, events=EVENTS).first("BT")
+    assert (point["a"], point["b"]) == pytest.approx((1e-4, -1e-4))

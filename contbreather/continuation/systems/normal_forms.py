@@ -110,8 +110,10 @@ class Forms:
         else:  # the scale of a cycle is that of one orbit, by which no length should be told
             self.T, self.units = self.closed(1.0) - self.closed(2.0), self.scales
         self.reach = max(1.0, float(abs(self.x).max()))
-        # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh
-        self.cubic = self.reach**-2 / (self.n if is_sparse(self.A) else 1)
+        # a cubic term of order one: a vector of length 1 is small in each entry of a fine mesh, and
+        # has that length in scales, whatever the units
+        moves = max(1.0, float(abs(self.z[self.moved] / scales).max()))
+        self.cubic = moves**-2 / (self.n if is_sparse(self.A) else 1)
 
     def _matrix(self, z: Array) -> Matrix:
         """The Jacobian between unknowns in their scales: similar to the one in plain units."""
@@ -300,8 +302,10 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     b = _sum(float(p0 @ B @ q0), float(p1 @ B @ q1))
     # where all terms vanish, by symmetry, they are small against one of order one
     size = float(abs(p1) @ abs(B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
-    sign = math.copysign(1.0, a)  # that of the null vector is free
-    return Coefficient(abs(a), size), Coefficient(sign * b.value, max(size, b.size))
+    # of a null vector of length 1 in scales, as elsewhere, whose sign is free
+    length = math.copysign(float(np.linalg.norm(forms.units * q0)), a)
+    size, b_size = size / abs(length), max(size, b.size) / abs(length)
+    return Coefficient(a / length, size), Coefficient(b.value / length, b_size)
 
 
 # --- maps: F(x) = G(x) - x with the multipliers of F_x + 1, or the equations of a cycle ----------
