@@ -132,6 +132,20 @@ def test_a_derivative_that_is_none_beside_the_start_gives_no_size_of_its_row() -
     assert np.isfinite(branch[0].curve.row_scales).all()
 
 
+def test_what_passes_zero_where_an_event_is_in_doubt_is_not_called_small() -> None:
+    problem = Problem(
+        lambda x, p: np.append(x[0] - p["m"], (p["m"] - 5e-4) * x[1:] - x[1:] ** 3),
+        {"x": 0.0, "of": np.zeros(2)}, {"m": 0.0},
+    )  # fmt: skip
+    branch = cb.trace(problem, "m", within={"m": (-1.0, 1.0)}, events=EVENTS)
+    assert branch.doubtful
+    assert all("scales" not in point.detail["reason"] for point in branch.doubtful)
+    line = Problem(lambda x, p: np.array([x[0] - p["E"]]), {"x": 1.0}, {"E": 1.0})
+    assert "scales" not in cb.trace(line, "E", steps=cb.Steps(most=300)).reason
+    with pytest.raises(cb.NotConverged, match="start closer"):
+        Problem(lambda x, p: np.array([x[0] ** 2 + 1]), {"x": 1e-6}, {"E": 0.0}).solve()
+
+
 def test_l1_has_a_sign_whatever_the_units_of_states() -> None:
     def brusselator(x: Any, p: Mapping[str, float]) -> list[Any]:
         a, b = x

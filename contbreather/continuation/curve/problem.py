@@ -425,11 +425,14 @@ class Problem(Structure):
             # imported here: derivatives are checked along curves, which are of problems
             from .derivative_checks import unlike_scales
 
-            other = "start closer to a solution or at other parameters"
+            advice = (
+                "start closer to a solution or at other parameters",
+                unlike_scales(curve, self.x),
+            )
             raise NotConverged(
                 f"the start {self.start_text()} is not a solution: residual {before:.3g}, and "
                 f"{solution.residual:.3g} after {solution.iterations} Newton iterations; "
-                f"{unlike_scales(curve, self.x) or other}",
+                f"{'; '.join(filter(None, advice))}",
                 residual=before,
                 iterations=solution.iterations,
                 last=self._started(solution.z) if np.isfinite(solution.z).all() else None,

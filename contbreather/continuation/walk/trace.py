@@ -19,7 +19,7 @@ from ...errors import BadInput
 from ...one_thread import one_thread
 from ...progress import Counter
 from ...workers import Failed, each
-from ..algebra.newton import Undefined
+from ..algebra.newton import Array, Undefined
 from ..curve.branch import Branch, Points, Stop, labelled, with_ends
 from ..curve.curve import PASSED
 from ..curve.derivative_checks import advice, unlike_scales
@@ -358,7 +358,8 @@ class ContinuationIterator:
     def branch(self) -> Branch:
         points, end = labelled(Points.joined(self.walked)), self.end
         doubtful = sorted((*end.doubtful, *self.unresolved), key=attrgetter("arclength"))
-        doubtful = [*map(_with_scales, doubtful)]
+        most = abs(points.z).max(axis=0)
+        doubtful = [_with_scales(point, most) for point in doubtful]
         return Branch(points, end.stop, reason=end.reason, doubtful=tuple(doubtful))
 
     def run(self) -> Generator[Point, None, End]:
@@ -544,7 +545,7 @@ class ContinuationIterator:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:
             towards = self.growth.towards(point.z, point.direction)
-            return "; ".join(filter(None, (towards, unlike_scales(self.curve, point.z))))
+            return towards or unlike_scales(self.curve, point.z)
         for bound in self.way.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):
@@ -553,9 +554,10 @@ class ContinuationIterator:
         return ""
 
 
-def _with_scales(doubtful: Point) -> Point:
-    """Say which sizes may be why an event is in doubt."""
-    if not (advice := unlike_scales(doubtful.curve, doubtful.z)):
+def _with_scales(doubtful: Point, most: Array) -> Point:
+    """Say which sizes may be why an event is in doubt: large there, or small all along."""
+    sizes = np.minimum(most, np.maximum(abs(doubtful.z), 1.0))
+    if not (advice := unlike_scales(doubtful.curve, sizes)):
         return doubtful
     said = filter(None, (doubtful.detail.get("reason", ""), advice))
     return replace(doubtful, detail={**doubtful.detail, "reason": "; ".join(said)})
