@@ -151,6 +151,18 @@ class Curve:
         sizes[sizes == 0] = 1.0
         return sizes
 
+    def unlike_scales(self, z: Array) -> str:
+        """Name unknowns and parameters far from 1 in size without `scales`."""
+        problem, unlike = self.problem, {}
+        largest = np.maximum(abs(self.start), abs(z))
+        for name, slot in self.slots.items():
+            size = float(np.max(largest[slot]))
+            # what is between is walked along without
+            far = TINY < size < 1e-3 or size > 1e4
+            if far and name not in problem.internals and name not in problem.scales:
+                unlike[name] = float(f"{size:.0e}")
+        return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""
+
     def balanced(self, matrix: Matrix) -> Matrix:
         """A derivative, or its first columns, in units of `scales` and `row_scales`."""
         # R^-1 J S: singular values then do not depend on the units of equations and unknowns

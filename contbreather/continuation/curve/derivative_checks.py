@@ -13,7 +13,7 @@ from ...errors import BadInput
 from ..algebra import derivatives
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..algebra.sparse import Pattern, canonical, entry_columns, is_sparse
-from .curve import TINY, Curve
+from .curve import Curve
 
 
 def check_start(curve: Curve) -> Array:
@@ -132,16 +132,3 @@ def advice(curve: Curve) -> str:
         return ""
 
     return curve.cached("advice", curve.start, made)
-
-
-def unlike_scales(curve: Curve, z: Array) -> str:
-    """Name unknowns and parameters far from 1 in size without `scales`."""
-    problem = curve.problem
-    unlike, largest = {}, np.maximum(abs(curve.start), abs(z))
-    for name, slot in curve.slots.items():
-        size = float(np.max(largest[slot]))
-        # what is between is walked along without
-        far = TINY < size < 1e-3 or size > 1e4
-        if far and name not in problem.internals and name not in problem.scales:
-            unlike[name] = float(f"{size:.0e}")
-    return f"sizes are far from 1: give the problem scales={unlike}" if unlike else ""

@@ -422,12 +422,9 @@ class Problem(Structure):
         # where the derivative is nearly singular corrections may be short far from a solution
         small = 1e-6 * (1 + float(abs(solution.z).max())) * curve.row_sizes(solution.z)
         if not solution.converged or (abs(curve.equations(solution.z)) > small).any():
-            # imported here: derivatives are checked along curves, which are of problems
-            from .derivative_checks import unlike_scales
-
             advice = (
                 "start closer to a solution or at other parameters",
-                unlike_scales(curve, self.x),
+                curve.unlike_scales(self.x),
             )
             raise NotConverged(
                 f"the start {self.start_text()} is not a solution: residual {before:.3g}, and "

@@ -22,7 +22,7 @@ from ...workers import Failed, each
 from ..algebra.newton import Array, Undefined
 from ..curve.branch import Branch, Points, Stop, labelled, with_ends
 from ..curve.curve import PASSED
-from ..curve.derivative_checks import advice, unlike_scales
+from ..curve.derivative_checks import advice
 from ..curve.point import Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
@@ -395,7 +395,7 @@ class ContinuationIterator:
                 stop, reason = failed.stop, failed.reason
                 if stop is Stop.NO_CONVERGENCE:
                     near = self.curve.problem.ends_near(self.point)
-                    advice = unlike_scales(self.curve, self.point.z)
+                    advice = self.curve.unlike_scales(self.point.z)
                     reason = "; ".join(filter(None, (reason, near, advice)))
                 break
             # record
@@ -545,7 +545,7 @@ class ContinuationIterator:
             return str(point.detail.get("said", ""))
         if stop is Stop.MOST:
             towards = self.growth.towards(point.z, point.direction)
-            return towards or unlike_scales(self.curve, point.z)
+            return towards or self.curve.unlike_scales(point.z)
         for bound in self.way.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
             for edge in self.curve.problem.domain.get(bound.name, ()):
@@ -557,7 +557,7 @@ class ContinuationIterator:
 def _with_scales(doubtful: Point, most: Array) -> Point:
     """Say which sizes may be why an event is in doubt: large there, or small all along."""
     sizes = np.minimum(most, np.maximum(abs(doubtful.z), 1.0))
-    if not (advice := unlike_scales(doubtful.curve, sizes)):
+    if not (advice := doubtful.curve.unlike_scales(sizes)):
         return doubtful
     said = filter(None, (doubtful.detail.get("reason", ""), advice))
     return replace(doubtful, detail={**doubtful.detail, "reason": "; ".join(said)})
