@@ -34,7 +34,7 @@ _AMPLITUDES = np.geomspace(1e-3, 1e2, 600)  # among these a single oscillator is
 _CLOSER = 3  # times as close as 1/20 where these end: to 2e-6 of the amplitude
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
-_ESCAPED = 10.0  # relative to the same
+_ESCAPED = 10.0  # relative to the same, or to what a drive in resonance leads to
 _ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
 _MOST = 400  # periods after which it has settled, or never will
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
@@ -227,17 +227,20 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
     start = size * np.array([(r * np.cos(s)).ravel(), -omega * (r * np.sin(s)).ravel()])
 
-    def rates(t: float, y: Array) -> Array:  # what comes too far has escaped, and stays there
-        x = y.reshape(start.shape)
-        return np.ravel(np.where(abs(x[0]) < _ESCAPED * size, field(t, x, p), 0.0))
-
     loss = chain.lattice.dampings[one.site] / one.mass * float(chain.damping(0.0, p))
     settles = loss * period * _MOST > 12.0  # others, as without damping of their own, never do
     time = period * (math.ceil(12.0 / loss / period) if settles else _MOST)
+    # no swing loses more than the drive does work: up to drive / (loss omega), beside a resonance
+    far = _ESCAPED * max(size, drive / one.mass / omega * time / 12.0)
+
+    def rates(t: float, y: Array) -> Array:  # what comes too far has escaped, and stays there
+        x = y.reshape(start.shape)
+        return np.ravel(np.where(abs(x[0]) < far, field(t, x, p), 0.0))
+
     how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
     ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
     starts: list[Array] = []
-    for x in ends[:, abs(ends[0]) < _ESCAPED * size].T:
+    for x in ends[:, abs(ends[0]) < far].T:
         if all(abs(x - other).max() > _ALIKE * size for other in starts):
             starts.append(x)
     how = {"period": period, "collocation": Collocation(6, 6), "events": ()}

@@ -131,6 +131,18 @@ def test_what_escapes_is_no_attractor() -> None:
     assert 0.1 < low.solution.farthest < 0.2
 
 
+@pytest.mark.parametrize("omega", [0.99, 1.0])
+def test_a_resonance_at_which_no_free_swing_has_the_frequency_is_no_escape(omega) -> None:
+    """All sites alike do not feel their bonds: each is Duffing's oscillator, of which a is known
+    by its first harmonic, up to the third one."""
+    chain = cb.Oscillators(
+        V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(3), damping=0.01, drive="a*cos(omega*t)"
+    )
+    orbit = cb.breather(chain, {0: "low"}, omega=omega, params={"c": 0.1, "a": 1e-3}).solution
+    u = orbit.farthest
+    assert abs(1 - omega**2 + 0.75 * u**2 + 0.01j * omega) * u == pytest.approx(1e-3, rel=1e-3)
+
+
 # --- walls --------------------------------------------------------------------------------------
 
 
