@@ -394,7 +394,7 @@ def length_of(periods: float, sites: int) -> float:
         raise BadInput(
             f"periods = {periods:.12g}: the states of {sites} sites once in each would be "
             f"{size:.3g} GB, and a run in memory may have 1; shorten it, "
-            "or keep it on disk: record(...), --stream"
+            "or keep it on disk: record(...), contbreather simulate --stream"
         )
     return length
 
