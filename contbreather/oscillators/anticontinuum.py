@@ -246,7 +246,18 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     how = {"period": period, "collocation": Collocation(6, 6), "events": ()}
     given = [{"u": u, "v": v} for u, v in starts]
     found = [of.orbit for of in cycles(field, given, {}, **how)] if given else []
-    return sorted((orbit for orbit in found if orbit and not orbit.unstable), key=_swing)
+    attracting = [orbit for orbit in found if orbit and not orbit.unstable]
+    # of those that move alike, as pendula that have gone round before, the one nearest to rest
+    apart, velocities = list[Cycle](), list[Array]()
+    for orbit in sorted(attracting, key=_off_centre):
+        v = orbit.states(period * np.arange(16) / 16)[1]
+        if all(abs(v - other).max() > _ALIKE * size * omega for other in velocities):
+            apart, velocities = [*apart, orbit], [*velocities, v]
+    return sorted(apart, key=_swing)
+
+
+def _off_centre(orbit: Cycle) -> float:
+    return abs(orbit.max["u"] + orbit.min["u"])
 
 
 def _swing(orbit: Cycle) -> float:

@@ -131,6 +131,19 @@ def test_what_escapes_is_no_attractor() -> None:
     assert 0.1 < low.solution.farthest < 0.2
 
 
+@pytest.mark.parametrize(("damping", "a", "omega"), [(0.08, 0.25, 0.75), (0.1, 0.4, 0.7)])
+def test_pendula_that_went_round_before_are_no_other_attractors(damping, a, omega) -> None:
+    """Under an odd drive the attractors about rest are odd; some starts go round on their way."""
+    chain = cb.Oscillators(
+        V="1 - cos(u)", W="c*r**2/2", lattice=cb.OpenChain(3), damping=damping,
+        drive="a*cos(omega*t)",
+    )  # fmt: skip
+    orbit = cb.breather(chain, {1: "high"}, omega=omega, params={"c": 0.002, "a": a}).solution
+    first, later = orbit.states(0.3), orbit.states(0.3 + np.pi / omega)
+    np.testing.assert_allclose(first, -later, atol=1e-6)
+    assert orbit.swings[1] > 2 * orbit.swings[0]
+
+
 @pytest.mark.parametrize("omega", [0.99, 1.0])
 def test_a_resonance_at_which_no_free_swing_has_the_frequency_is_no_escape(omega) -> None:
     """All sites alike do not feel their bonds: each is Duffing's oscillator, of which a is known
