@@ -247,12 +247,13 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     given = [{"u": u, "v": v} for u, v in starts]
     found = [of.orbit for of in cycles(field, given, {}, **how)] if given else []
     attracting = [orbit for orbit in found if orbit and not orbit.unstable]
-    # of those that move alike, as pendula that have gone round before, the one nearest to rest
+    # of those that move alike, as pendula that have gone round before, or as mirror images in two
+    # wells, half a period later, the one nearest to rest
     apart, velocities = list[Cycle](), list[Array]()
     for orbit in sorted(attracting, key=_off_centre):
         v = orbit.states(period * np.arange(16) / 16)[1]
         if all(abs(v - other).max() > _ALIKE * size * omega for other in velocities):
-            apart, velocities = [*apart, orbit], [*velocities, v]
+            apart, velocities = [*apart, orbit], [*velocities, v, -np.roll(v, 8)]
     return sorted(apart, key=_swing)
 
 

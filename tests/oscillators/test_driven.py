@@ -144,6 +144,14 @@ def test_pendula_that_went_round_before_are_no_other_attractors(damping, a, omeg
     assert orbit.swings[1] > 2 * orbit.swings[0]
 
 
+def test_of_two_wells_that_are_mirror_images_that_at_rest_is_low() -> None:
+    chain = cb.Oscillators(
+        V="u**2*(u + 2)**2/4", W="c*r**2/2", lattice=cb.Ring(3), damping=0.1, drive="a*cos(omega*t)"
+    )
+    orbit = cb.breather(chain, {0: "low"}, omega=1.0, params={"c": 0.01, "a": 0.2}).solution
+    assert all(orbit.min[f"u{n}"] > -0.3 for n in range(3))
+
+
 @pytest.mark.parametrize("omega", [0.99, 1.0])
 def test_a_resonance_at_which_no_free_swing_has_the_frequency_is_no_escape(omega) -> None:
     """All sites alike do not feel their bonds: each is Duffing's oscillator, of which a is known
