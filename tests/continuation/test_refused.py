@@ -201,7 +201,7 @@ GIVEN: list[Row] = [
         for along in ("ab", [1j, 1.0], [1.0], [0.0, 0.0], [1.0, math.inf])
     ),
     (cb.trace, (cb.Problem(only_here, {"x": 0.0}, {"mu": 0.0}), "mu"), {"along": [1.0, 0.0]},
-     "no derivatives at the start"),
+     "no curve leaves the start: nothing beside it"),
     *(
         (line, (), {"towards": towards}, "towards must be 'both', 'up' or 'down', got")
         for towards in ("left", "", None, 1)

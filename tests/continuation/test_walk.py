@@ -199,12 +199,12 @@ def test_no_branch_goes_on_behind_a_root_at_the_edge_of_its_domain(root):
     assert (branch.stop, branch.reason) == (Stop.DOMAIN, "the derivatives are not finite")
     assert branch["x"].min() >= 0
     assert branch[-1]["x"] < 1e-4
-    with pytest.raises(BadInput, match="no derivatives at the start"):
+    with pytest.raises(BadInput, match="no curve leaves the start: the derivatives"):
         trace(zoo.scalar(root, 0.0, {"mu": 1.0}), "mu")
 
 
 def test_a_root_whose_unknown_is_at_the_edge_has_no_derivative_at_the_start() -> None:
-    with pytest.raises(BadInput, match="no derivatives at the start"):
+    with pytest.raises(BadInput, match="no curve leaves the start: the derivatives"):
         trace(zoo.scalar(lambda x, p: np.sqrt(x) - p["mu"], 0.0, {"mu": 0.0}), "mu")
 
 

@@ -161,7 +161,7 @@ def starts_on_curve(
             curve, residual = corrected_start(problem, free, tolerance)
             checked_finite(curve.jacobian(curve.start))
         except Undefined as error:
-            raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+            raise BadInput(f"no curve leaves the start: {error}") from error
         bounds = bounds_of(curve, within)
         tangent, sign = first_tangent(curve, bounds)
         if towards != "up":
@@ -248,7 +248,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
         value = curve.equations(z) / curve.row_scales
         change = curve.jacobian(z) @ tangent / curve.row_scales
     except Undefined as error:
-        raise BadInput(f"the equations have no derivatives at the start: {error}") from error
+        raise BadInput(f"no curve leaves the start: {error}") from error
     off, skew = abs(value).max(), abs(change).max()
     if off > GAP * (1 + curve.length(z)) or skew > 1e-3:
         raise BadInput(
