@@ -28,7 +28,6 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
 from .cycle_problem import Cycle
 from .equations import equations_of
-from .sparse_equations import SparseFlowEquations
 
 STEP = 1e-5  # of differences along solutions, in the metric of a curve
 NEAR = 1e-6  # how far off its place the index of a located event may be
@@ -73,7 +72,7 @@ def _examine_flip(point: Point) -> Examined:
 
     T, vectors, count = cast("Any", schur)(M, output="complex", sort=first)
     known = NEAR * np.linalg.norm(M, 2)
-    if not isinstance(orbit.equations, SparseFlowEquations):  # by a mesh of twice as many points
+    if not orbit.equations.sparse:  # by a mesh of twice as many points
         off = replace(orbit, equations=orbit.doubled).monodromy - M
         among = vectors[:, :count]
         known = max(known, np.linalg.norm(among.conj().T @ off @ among))

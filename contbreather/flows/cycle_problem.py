@@ -34,7 +34,7 @@ from .functions import Params, kink, place, quiet
 from .integrate import bottom
 from .multipliers import around, closing_matrix, of_cycle, paces
 from .rounds import begun_later, once, twice
-from .sparse_equations import FEW, SparseFlowEquations
+from .sparse_equations import FEW
 
 UNSTABLE = UnstableDimension(attrgetter("solution.unstable"))
 # of an orbit without a trivial multiplier, the highest term of its polynomials: about as far off
@@ -258,7 +258,7 @@ class Cycle(HtmlRepr):
     def turns_fast(self) -> bool:
         """Tell whether perturbations turn by more radians in an interval than it has points: the
         growth of the Gauss method follows about as many, and a slow orbit has long intervals."""
-        if isinstance(self.equations, SparseFlowEquations):
+        if self.equations.sparse:
             return False
         most = self.flights[0].scheme.points ** 2
         for piece in self.equations.linearised(self.x, self.params).linear:
@@ -272,7 +272,7 @@ class Cycle(HtmlRepr):
     @cached_property
     def doubled(self) -> FlowEquations:
         """Put twice as many points into each interval of its equations."""
-        if isinstance(self.equations, SparseFlowEquations):
+        if self.equations.sparse:
             raise BadInput("errors are estimated for up to 40 states: compare with more intervals")
         finer = tuple(flight.on(flight.knots, flight.scheme.doubled) for flight in self.own_flights)
         return replace(self.equations, start=finer)
@@ -324,7 +324,7 @@ class Cycle(HtmlRepr):
     @cached_property
     def kink(self) -> str:
         """Say where the field is not smooth along the orbit, as no mesh is; empty if it is."""
-        if isinstance(self.equations, SparseFlowEquations):
+        if self.equations.sparse:
             return ""
         with suppress(Undefined):  # beside an orbit that all but leaves the domain
             for flow, flight in zip(self.equations.flows, self.flights, strict=True):
@@ -455,7 +455,7 @@ class CycleProblem(Problem):
         return partial(self.residual, error=1e-8)  # as predictions are; the next is exact
 
     def prepare(self, places: Any, names: tuple[str, ...]) -> None:
-        if not isinstance(self.residual, SparseFlowEquations):  # of which nothing is solved for
+        if not self.residual.sparse:  # of which nothing is solved for
             self.residual.prepare(places, names)
 
     def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
@@ -468,7 +468,7 @@ class CycleProblem(Problem):
         orbit: Cycle = point.solution
         mu = orbit.others
         # those that are not known are next to 0: of these four at once change no sign of a test
-        if isinstance(self.residual, SparseFlowEquations):
+        if self.residual.sparse:
             count = self.residual.start[0].dimension - 1
             mu = np.append(mu, np.zeros((count - mu.size) % 4))
         # small ones are as exact as large ones: what the mesh leaves is in the trivial one. In two
@@ -568,12 +568,10 @@ class CycleProblem(Problem):
         that turn fast beside the orbit; and the period, which is set by what is small beside it and
         grows, as prey that all but dies out."""
         # of a forced orbit none is known to be 1: what a kink leaves in others shows nowhere else
-        small = not isinstance(self.residual, SparseFlowEquations)
-        unseen = point.kind and self.residual.period and small
-        if unseen and point.kind in CRITICAL and orbit.kink and (why := orbit.coarse(point.kind)):
+        kinked = point.kind and self.residual.period and orbit.kink
+        if kinked and point.kind in CRITICAL and (why := orbit.coarse(point.kind)):
             return why
-        worst = orbit.multipliers_off(orbit.x) if orbit.turns_fast or unseen else 0.0
-        if worst > RESOLVED and (orbit.turns_fast or orbit.kink):
+        if (orbit.turns_fast or kinked) and (worst := orbit.multipliers_off(orbit.x)) > RESOLVED:
             return orbit.too_coarse(f"multipliers are {worst:.1g} off, ")
         # where curves cross a correction may lead along the other one
         if orbit.roughest[0] <= UNRESOLVED or not self.residual.autonomous or point.kind == "BP":

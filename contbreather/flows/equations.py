@@ -168,6 +168,7 @@ class FlowEquations:
 
     length = "period"  # its name, of one flow
     condensed = True  # whether all multipliers are had, or the leading ones only
+    sparse = False  # whether the states inside of intervals are unknowns, too
 
     @cached_property
     def phased(self) -> bool:

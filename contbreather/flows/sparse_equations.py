@@ -118,6 +118,8 @@ def sparse_where_large(equations: FlowEquations, p: Params) -> FlowEquations:
 class SparseFlowEquations(FlowEquations):
     """A cycle of one flow of many states, discretised."""
 
+    sparse = True
+
     @cached_property
     def layout(self) -> SparseLayout:
         return SparseLayout(self)
