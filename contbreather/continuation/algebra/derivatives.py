@@ -253,20 +253,18 @@ def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | No
 def wrong_row(
     function: Function,
     z: Array,
-    matrix: Any,
+    jacobian: Callable[[Array], Any],
     direction: Array,
-    moved: Callable[[Array], Any] | None = None,
 ) -> int | None:
     """The row of a derivative that is furthest off what differences tell along a direction.
 
-    One that is made of differences itself is rounded: by as much as it differs, given by `moved`,
-    at a place all but the same.
+    One that is made of differences itself is rounded: by as much as it differs at a place all but
+    the same.
     """
     wanted, doubt, _ = estimate(lambda t: function(z + t[0] * direction), np.zeros(1), np.ones(1))
-    slopes = (matrix @ direction)[:, None]
-    wrong = misfit(slopes, wanted, doubt)
-    if wrong and moved is not None:
-        rounded = abs((moved(z + 1e-9 * direction) @ direction)[:, None] - slopes)
+    slopes = (jacobian(z) @ direction)[:, None]
+    if wrong := misfit(slopes, wanted, doubt):
+        rounded = abs((jacobian(z + 1e-9 * direction) @ direction)[:, None] - slopes)
         wrong = misfit(slopes, wanted, doubt + rounded)
     return wrong and wrong[0]
 

@@ -90,9 +90,7 @@ def wrong_entry(curve: Curve, z: Array) -> str:
     # one direction through all entries tells whether any is wrong: cos(0), cos(1), ... has no
     # pattern by which several of them would cancel
     direction = np.maximum(curve.scales, abs(z)) * np.cos(np.arange(z.size))
-    # the conditions of a locus have differences of the Jacobian in their derivative
-    moved = None if curve.problem.beneath is None else curve.jacobian
-    row = derivatives.wrong_row(curve.residual, z, matrix, direction, moved)
+    row = derivatives.wrong_row(curve.residual, z, curve.jacobian, direction)
     if row is None:
         return ""
     if is_sparse(matrix):
