@@ -19,7 +19,7 @@ import numpy as np
 from ...errors import BadInput
 from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined
-from ..algebra.sparse import is_sparse, scaled
+from ..algebra.sparse import is_sparse
 from ..curve.branch import Points
 from ..curve.point import (
     NOTHING,
@@ -177,12 +177,12 @@ def _cusp_beside(weak: Callable[..., Any], reference: Array, point: Point) -> fl
 def _cusp_test(point: Point) -> float:
     """w . F_xx v v / 2 with the left null vector w as in the adjugate, so that no sign jumps."""
     base, curve, n = point.base_point, point.base_point.curve, point.base_point.curve.size
-    null, scales = np.atleast_1d(point["null"]), curve.scales[:n]
+    null = np.atleast_1d(point["null"])
     # <p, B(q, q)> / 2 of the fold's normal form (Yu. A. Kuznetsov, Elements of Applied
     # Bifurcation Theory, chapter 5), of a unit p whose sign follows the curve
-    weak = least_singular(scaled(base.jacobian()[:, :n], 1 / curve.row_units, scales))
-    sign, way = weak.sign * np.sign(weak.right @ null), scales * null
-    bent = curve.along(base.z, way)[:, :n] @ way / curve.row_units
+    weak = least_singular(curve.in_units(base.jacobian()[:, :n]))
+    sign = weak.sign * np.sign(weak.right @ null)
+    bent = curve.in_units(curve.along(base.z, curve.scales[:n] * null)[:, :n]) @ null
     return float(sign * weak.left @ bent / 2)
 
 

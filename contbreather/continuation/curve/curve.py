@@ -168,6 +168,10 @@ class Curve:
         # R^-1 J S: singular values then do not depend on the units of equations and unknowns
         return scaled(matrix, 1 / self.row_scales, self.scales[: matrix.shape[1]])
 
+    def in_units(self, matrix: Matrix) -> Matrix:
+        """The same, or several, in units of `scales` and `row_units`."""
+        return scaled(matrix, 1 / self.row_units, self.scales[: matrix.shape[-1]])
+
     def params(self, z: Array) -> dict[str, float]:
         values, real = self.fixed.copy(), z.dtype.kind != "c"
         for i, name in enumerate(self.free, self.size):

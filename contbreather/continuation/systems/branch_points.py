@@ -30,7 +30,6 @@ from ..algebra.sparse import (
     checked_finite,
     is_large,
     is_sparse,
-    scaled,
 )
 from ..curve.branch import Points
 from ..curve.curve import Curve
@@ -157,8 +156,7 @@ def bordered_matrix(point: Point) -> Matrix:
         assert isinstance(factors, Factors)
         return Bordered(factors, row, curve.scales)
     whole = np.empty((point.z.size, point.z.size))
-    whole[:-1], whole[-1] = matrix / curve.row_units[:, None], row
-    whole *= curve.scales
+    whole[:-1], whole[-1] = curve.in_units(matrix), row * curve.scales
     return whole
 
 
@@ -168,9 +166,8 @@ def bordered_matrices(points: Points) -> Array | None:
     matrices = curve.jacobians(points.z)
     if matrices is None:
         return None
-    matrices = matrices / curve.row_units[:, None]
-    rows = (curve.metric * points.tangent)[:, None, :]
-    return np.asarray(np.concatenate([matrices, rows], axis=1) * curve.scales)
+    rows = (curve.metric * points.tangent * curve.scales)[:, None, :]
+    return np.asarray(np.concatenate([curve.in_units(matrices), rows], axis=1))
 
 
 def _tests(points: Points) -> Many | None:
@@ -244,15 +241,13 @@ class _LostRank:
     direction: Array
 
     def _vectors(self, curve: Curve, z: Array) -> tuple[Array, Array, Array]:
-        """Two vectors v to the right, orthonormal in scales, and one w to the left, in the units of
-        rows, and ``w^T A v``: where that vanishes they are null vectors."""
+        """Two orthonormal vectors v to the right and one w to the left, in the units of the curve,
+        and ``w^T A v``: where that vanishes they are null vectors."""
 
         def make(z: Array) -> tuple[Array, Array, Array]:
             # | A       b |  A is n x (n + 1), of rank n - 1: with the borders b, next to its left
             # | null^T  0 |  null vector, and the two right ones below it is regular
-            plain, n = _columns(curve.jacobian(z), self.direction), curve.size
-            units = _units(curve)
-            A = scaled(plain, 1 / curve.row_units, units)
+            A, n = _columns(curve.in_units(curve.jacobian(z)), self.direction), curve.size
             below, unit = np.hstack([self.null, np.zeros((2, 1))]), np.eye(n + 2)[:, -2:]
             wider, rows = beside(A, self.b[:, None]), [below] if is_sparse(A) else []
             factors: Any = Factors(wider) if rows else Dense(above(wider, below))
@@ -263,14 +258,13 @@ class _LostRank:
             # far from where the borders are from they may be at right angles to the null vectors:
             # there the inverse has a pole, which directions do not, and w with this sign
             left, _, right = np.linalg.svd(v, full_matrices=False)
-            v, w = units[:, None] * (left @ right), w / curve.row_units
-            w = w * (sign / np.linalg.norm(w * curve.row_scales))
-            return v, w, w @ plain @ v
+            v, w = left @ right, w * (sign / np.linalg.norm(w * curve.row_scales / curve.row_units))
+            return v, w, w @ A @ v
 
         return curve.cached(f"lost rank {id(self)}", z, make)
 
     def unfolding(self, curve: Curve, z: Array, extra: Array) -> tuple[Array, Array]:
-        b = self._vectors(curve, z)[1] * curve.row_scales**2
+        b = self._vectors(curve, z)[1] / curve.row_units * curve.row_scales**2
         return extra[0] * b, b[:, None]
 
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
@@ -279,7 +273,8 @@ class _LostRank:
     def derivative(self, curve: Curve, z: Array, extra: Array) -> Array:
         v, w, _ = self._vectors(curve, z)
         # w^T A'(u) v for all u at once: second derivatives are symmetric
-        rows = [w @ curve.along(z, np.append(u[:-1], u[-1] * self.direction)) for u in v.T]
+        ways = [curve.scales * np.append(u[:-1], u[-1] * self.direction) for u in v.T]
+        rows = [w / curve.row_units @ curve.along(z, way) for way in ways]
         return np.hstack([rows, np.zeros((2, 1))])
 
 
@@ -316,16 +311,10 @@ def _held_together(point: Point) -> tuple[Array, Array, Array]:
     if not np.linalg.norm(tangent) > RANK:
         raise Undefined(f"the branch point does not move with {first} and {second}")
     # at a right angle, in their scales, to how the parameters change along the curve
-    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent) * curve.scales[-2:]
-    A = _columns(point.jacobian(), direction)
-    across = least_singular(scaled(A, 1 / curve.row_units, _units(curve)))
+    direction = np.array([-tangent[1], tangent[0]]) / np.linalg.norm(tangent)
+    across = least_singular(_columns(curve.in_units(point.jacobian()), direction))
     # each row in its own size: what is left of the conditions is then rounding, as of equations
     return weak.left * (curve.row_scales / curve.row_units), across.plane, direction
-
-
-def _units(curve: Curve) -> Array:
-    """Those of the columns of A: the direction has its own."""
-    return np.append(curve.scales[: curve.size], 1.0)
 
 
 def _refuse_to_part(point: Point) -> float:
