@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from types import MappingProxyType
@@ -387,12 +388,13 @@ def _refuse_parent(arm: Branch, seed: Seed, point: Point) -> None:
         return curve.length(direction - float(direction @ (curve.metric * line)) * line)
 
     if (distance := aside(chord, parent)) < aside(chord, away):
-        # both curves may bend alike, by more than they come apart: how far off the branch itself is
+        # both curves may bend alike, by more than they come apart: is the branch itself nearer?
         row = curve.metric * parent
-        beside = newton(curve, arm[0].z + float(row @ step) * parent, row)
-        apart = curve.length(beside.z - arm[1].z) / curve.length(step)
-        if beside.converged and apart > 0.5 * aside(away, parent):
-            return
+        with suppress(Undefined):
+            beside = newton(curve, arm[0].z + float(row @ step) * parent, row)
+            apart = 2 * curve.length(beside.z - arm[1].z) / curve.length(step)
+            if beside.converged and apart > aside(away, parent):
+                return
         raise ArmsCoincide(
             f"an arm of {point!r} follows the branch it was to leave: their directions differ by "
             f"{distance:.2g}, {aside(away, parent):.2g} apart as they were given",
