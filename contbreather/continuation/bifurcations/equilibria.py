@@ -226,7 +226,7 @@ def _hopf_tests(points: Points) -> Many | None:
     matrices, values = curve.jacobians(points.z), curve.spectra(points.z)
     if matrices is None or values is None:
         return None
-    flows, _ = spectrum.balanced(curve, points.z, matrices)
+    flows, _ = spectrum.in_sizes(curve, points.z, matrices)
     rounding = spectrum.ROUNDING * np.linalg.norm(flows, axis=(1, 2))
     first, second = spectrum.pairs(values.T)
     rounding = rounding[:, None]

@@ -45,7 +45,7 @@ from ..algebra.sparse import (
 )
 from ..curve.curve import Curve
 from ..curve.point import Detail, Point
-from .spectrum import balanced_at
+from .spectrum import in_sizes_at
 
 Complex = NDArray[np.complex128]
 
@@ -102,7 +102,7 @@ class Forms:
         self.n = self.moved.size
         scales = self.scales = self.curve.scales[self.moved]
         if self.closing is None and not is_large(self.curve.in_unknowns(self.z)):
-            self.scales = balanced_at(self.curve, self.z)[1][self.moved]
+            self.scales = in_sizes_at(self.curve, self.z)[1][self.moved]
         self.x = self.z[self.moved] / self.scales
         self.A = self._matrix(self.z)
         if self.closing is None:

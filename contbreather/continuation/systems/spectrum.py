@@ -283,7 +283,7 @@ def flow(curve: Curve, z: Array) -> Matrix:
     return scaled(curve.jacobian(z)[:, : curve.size], 1 / scales, scales)
 
 
-def balanced(curve: Curve, rows: Array, matrices: Array) -> tuple[Array, Array]:
+def in_sizes(curve: Curve, rows: Array, matrices: Array) -> tuple[Array, Array]:
     """Dense derivatives at several z between unknowns in their scales, or in their sizes where
     nothing but units makes them large; and the units of each."""
     scales = curve.scales[: curve.size]
@@ -299,14 +299,14 @@ def balanced(curve: Curve, rows: Array, matrices: Array) -> tuple[Array, Array]:
     return flows, units * scales
 
 
-def balanced_at(curve: Curve, z: Array) -> tuple[Array, Array]:
-    matrices, units = balanced(curve, z[None], dense(curve.jacobian(z))[None])
+def in_sizes_at(curve: Curve, z: Array) -> tuple[Array, Array]:
+    matrices, units = in_sizes(curve, z[None], dense(curve.jacobian(z))[None])
     return matrices[0], units[0]
 
 
 def all_eigenvalues(curve: Curve, z: Array) -> Eigenvalues:
     """The eigenvalues of the derivative in the unknowns."""
-    matrix, _ = balanced_at(curve, z)
+    matrix, _ = in_sizes_at(curve, z)
     return Eigenvalues(curve.spectrum(z), ROUNDING * float(np.linalg.norm(matrix)), matrix)
 
 
@@ -464,7 +464,7 @@ def plane_conditions(curve: Curve, z: Array, extra: Array) -> Array:
 def plane_slopes(curve: Curve, z: Array, extra: Array) -> Array:
     plane, scales = _plane(curve, z, float(extra[0])), curve.scales[: curve.size]
     if not is_sparse(curve.jacobian(z)):
-        _, scales = balanced_at(curve, z)
+        _, scales = in_sizes_at(curve, z)
     # left.T A' right, with the derivative of the Jacobian along each vector of the plane
     changes = [curve.along(z, vector * scales) for vector in plane.right.T]
     left = (plane.left / scales[:, None]).T
