@@ -314,8 +314,13 @@ class _Growth:
 
     def run(self, start: Problem | Startable) -> None:
         """Grow until nothing is left to switch at, or it is enough."""
-        within, later = self.settings.within.items(), {*problem_in(start).of_arms}
-        there = {name: window for name, window in within if name not in later}
+        problem, within = problem_in(start), self.settings.within.items()
+        if self.depth and self.settings.events is None and not problem.events:
+            raise BadInput(
+                "a diagram switches where there is an event, and this problem looks for none: "
+                "events=[cb.branch_point()]"
+            )
+        there = {name: window for name, window in within if name not in problem.of_arms}
         settings = replace(self.settings, within=there)
         self._grow(Bifurcation(0), partial(walk_from, start, self.free), settings)
         while self.queue and len(self.tree) < self.most:
