@@ -159,13 +159,14 @@ def test_l1_has_a_sign_whatever_the_units_of_states() -> None:
     assert hopf["criticality"] == "supercritical"
 
 
-def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states() -> None:
+@pytest.mark.parametrize("time", [1e-6, 1.0, 1e6])
+def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states(time: float) -> None:
     def takens(x: Any, p: Mapping[str, float]) -> list[Any]:
         u, v = x - 1
         return [v, p["c"] + p["d"] * u + u**2 - u * v]
 
     units = {"x": 1e4, "y": 1.0, "c": 1.0, "d": 1.0}
-    problem = in_units(takens, {"x": 0.2, "y": 1.0}, {"c": -0.5, "d": 0.3}, units, 1.0)
+    problem = in_units(takens, {"x": 0.2, "y": 1.0}, {"c": -0.5, "d": 0.3}, units, time)
     fold = cb.trace(problem, "c", within={"c": (-1.0, 0.5)}, events=EVENTS).first("LP")
     point = cb.boundary(fold, ("d", "c"), within={"d": (-1, 1)}, events=EVENTS).first("BT")
-    assert (point["a"], point["b"]) == pytest.approx((1e-4, -1e-4))
+    assert (point["a"], point["b"]) == pytest.approx((1e-4 / time**2, -1e-4 / time), rel=1e-6)

@@ -300,11 +300,13 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
     B, _ = forms.jet(q0)
     a = 0.5 * float(p1 @ B @ q0)
     b = _sum(float(p0 @ B @ q0), float(p1 @ B @ q1))
-    # where all terms vanish, by symmetry, they are small against one of order one
-    size = float(abs(p1) @ abs(B) @ abs(q0)) + float(np.linalg.norm(p1)) / forms.reach
+    # where all terms vanish, by symmetry, they are small against one of order one, in a unit of
+    # time in which q1 is as long as q0: a is a rate squared, b a rate
+    rate = 1.0 / float(np.linalg.norm(q1))
+    size = float(abs(p1) @ abs(B) @ abs(q0)) + rate * float(np.linalg.norm(p1)) / forms.reach
     # of a null vector of length 1 in scales, as elsewhere, whose sign is free
     length = math.copysign(float(np.linalg.norm(forms.units * q0)), a)
-    size, b_size = size / abs(length), max(size, b.size) / abs(length)
+    size, b_size = size / abs(length), max(size / rate, b.size) / abs(length)
     return Coefficient(a / length, size), Coefficient(b.value / length, b_size)
 
 
