@@ -156,7 +156,8 @@ def bordered_matrix(point: Point) -> Matrix:
         assert isinstance(factors, Factors)
         return Bordered(factors, row, curve.scales)
     whole = np.empty((point.z.size, point.z.size))
-    whole[:-1], whole[-1] = curve.in_units(matrix), row * curve.scales
+    whole[:-1], whole[-1] = matrix / curve.row_units[:, None], row
+    whole *= curve.scales
     return whole
 
 
