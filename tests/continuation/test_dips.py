@@ -224,3 +224,20 @@ def test_two_folds_in_a_dip_that_the_cubic_of_a_step_does_not_show(start: float)
     branch = trace(problem, "mu", within={"x": (0.01, 2.0)}, events=[fold()])
     folds = [point["x"] for point in branch.special if point.kind == "LP"]
     assert folds == pytest.approx([0.497, 0.503], abs=1e-6)
+
+
+@pytest.mark.parametrize("start", -1 - np.arange(0.0, 0.1, 0.005))
+def test_two_folds_next_to_the_end_of_a_step_are_found(start: float) -> None:
+    """The vertex of a parabola through three places of the step is beyond that end."""
+
+    def mu(x):
+        return x**3 / 3 - 0.3 * np.sin(x) ** 4 + x**5 - 0.001**2 * x
+
+    def residual(u, p):
+        aside = u[1] - np.exp(2 * u[0])
+        return np.array([p["mu"] - mu(u[0]) - 0.2 * aside, aside])
+
+    problem = Problem(residual, {"x": start, "y": np.exp(2 * start)}, {"mu": mu(start)})
+    branch = trace(problem, "mu", within={"x": (-2.0, 0.1)}, events=[fold()])
+    folds = [point["x"] for point in branch.special if point.kind == "LP"]
+    assert folds == pytest.approx([-0.001, 0.001], abs=1e-5)

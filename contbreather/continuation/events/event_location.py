@@ -11,6 +11,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -352,11 +353,13 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     zero and back; where the line through the middle and an end vanishes, as the least of several
     has a kink at zero."""
 
-    def seen(u: float) -> float:  # on the cubic, not kept
-        value = samples.event.value_or_nan(samples.segment.provisional(u))
-        return abs(samples.deflated(u, value))
+    # on the curve: its cubic may be off by more than the dip
+    def seen(u: float) -> float:  # not kept
+        with suppress(Undefined):
+            return abs(samples.deflated(u, samples.event.value_or_nan(samples.place(u))))
+        return math.inf
 
-    def looked(u: float) -> float:  # on the curve: its cubic may be off by more than the dip
+    def looked(u: float) -> float:
         return abs(samples.deflated(u, samples.known(u)))
 
     f0, f1, f2 = values = [*map(samples.deflated, (0.0, 0.5, 1.0))]
@@ -374,9 +377,16 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     for u in guesses:
         if 0.0 < u < 1.0 and min(abs(u - v) for v in size) > _ONE:
             size[u] = seen(u)
+    lowest = min(size, key=size.__getitem__)
+    if size[lowest] > LOW * highest:
+        return
+    # the vertex may be beyond an end of the step from which the test falls; and the middle was seen
+    # on the cubic
+    u = abs(lowest - BESIDE) if lowest in (0.0, 1.0) else 0.5
+    size[u] = looked(u)
     places = sorted(size)
     at = places.index(min(places, key=size.__getitem__))
-    if not 0 < at < len(places) - 1 or size[places[at]] > LOW * highest or samples.changes():
+    if not 0 < at < len(places) - 1 or samples.changes():
         return
     # golden section, unless the sign changes; g^2 = 1 - g: one inner place stays when it shrinks
     golden, left, right = 0.5 * (math.sqrt(5) - 1), places[at - 1], places[at + 1]
