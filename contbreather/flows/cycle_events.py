@@ -383,17 +383,40 @@ def touches(orbit: Cycle) -> Iterator[Touch]:
     to the condition that ends one before it does."""
     for i, (flow, flight) in enumerate(zip(orbit.equations.flows, orbit.flights, strict=True)):
         sampled = flight.sampled(8)  # into each interval for a wall that is touched
+        own: list[float] = []  # where its condition is low: a wall that is the same is so, too
         for name, wall in flow.guards.items():
             if not isinstance(wall, Clock):
-                yield from _touches_of(orbit, i, name, *sampled[:2])
+                ends = _ends(orbit, i, name)
+                found = [*_touches_of(orbit, i, name, ends, *sampled[:2])]
+                if name == "until":
+                    own = [touch.place for touch in found]
+                elif ends:
+                    found = [at for at in found if not np.isclose(at.place, own, atol=1e-6).any()]
+                yield from found
 
 
-def _touches_of(orbit: Cycle, i: int, name: str, s: Array, states: Array) -> Iterator[Touch]:
+def _ends(orbit: Cycle, i: int, name: str) -> bool:
+    """Tell whether a guard is what ends the flow, or zero there at other parameters, too."""
+    flow, flight, p = orbit.equations.flows[i], orbit.flights[i], orbit.params
+    wall, until = flow.guards[name], flow.until
+    if wall == until or until is None or isinstance(until, Clock):
+        return wall == until
+    at = flight.last, flight.end[:, None], p
+    (value, own), (ended, other) = (slopes(of, *at, tuple(p)) for of in (wall, until))
+    (own, other), size = (own[0, :, 0], other[0, :, 0]), np.append(flight.end, at[0])
+    error = 1e-9 * abs(own[: size.size]) @ abs(size) + 10 * abs(ended[0, 0]) * np.linalg.norm(own)
+    across = own - other * (own @ other) / (other @ other)
+    return bool(abs(value[0, 0]) <= error and np.linalg.norm(across) <= 1e-6 * np.linalg.norm(own))
+
+
+def _touches_of(
+    orbit: Cycle, i: int, name: str, ends: bool, s: Array, states: Array
+) -> Iterator[Touch]:
     """Find where one flow comes closest to one of its walls, of which places and states are
     samples."""
     flow, before, flight = (flows := orbit.equations.flows)[i], flows[i - 1], orbit.flights[i]
-    wall, ends, around = flow.guards[name], name == "until", _goes_round(orbit.equations)
-    if waits := flow.ignored(orbit.params) if ends else 0.0:
+    wall, around = flow.guards[name], _goes_round(orbit.equations)
+    if waits := flow.ignored(orbit.params) if name == "until" else 0.0:
         ignored = waits / flight.duration
         s = np.append(ignored, s[s > ignored])
         states = flight.at(s)

@@ -253,3 +253,31 @@ def test_a_contact_begins_and_another_one_where_two_crests_are_alike() -> None:
     for end in (comes, goes):
         met = cb.boundary(end, ("b", "h"), within=window).first("GR-GR")
         assert [met["b"], met["h"]] == pytest.approx([0.0, 20 / np.hypot(20, 2)], abs=1e-9)
+
+
+@pytest.mark.parametrize("times", [None, 2.0])
+def test_a_wall_that_ends_its_flow_anyway_is_no_touch_of_its_own(
+    resonance: cb.Branch, times: float | None
+) -> None:
+    """All conditions are walls of each flow, the same functions or twice as large: contacts come
+    where they do without, and what follows is known."""
+
+    def gap(t: Any, x: Any, p: Any) -> Any:
+        return 1 - x[0]
+
+    def depth(t: Any, x: Any, p: Any) -> Any:
+        return x[0] - 1
+
+    walls = [
+        condition if times is None else lambda t, x, p, of=condition: times * of(t, x, p)
+        for condition in (gap, depth)
+    ]
+    flows = [cb.Flow(free, gap, walls=walls[:1]), cb.Flow(stopped, depth, walls=walls[1:])]
+    orbit = cb.cycle(
+        flows, {"x": 0.0, "v": 0.0}, {"w": 0.8}, period=lambda p: TAU / p["w"], settle=200
+    )
+    branch = cb.trace(orbit, "w", within=WITHIN)
+    places = [end["w"] for end in grazings(branch)]
+    assert places == pytest.approx([end["w"] for end in grazings(resonance)], abs=1e-9)
+    (beyond,) = cb.switch(branch.first("GR"), within=WITHIN)
+    assert beyond[0]["beyond"] == "persists"
