@@ -29,6 +29,21 @@ def test_slopes_are_right_where_a_force_begins_that_was_not_seen_at_first() -> N
     np.testing.assert_allclose(deep, -1 - 30 * np.sqrt(np.maximum(x[0], 0.0)), rtol=1e-6, atol=1e-6)
 
 
+def test_slopes_beside_the_end_of_a_flow_are_those_of_its_own_side() -> None:
+    """Hertz's force where contact has just begun, and a ramp just before its clock strikes, whose
+    differences reach over to the other side."""
+    x, t = np.linspace([1 + 1e-5, 0.0], [1.02, 1.0], 50, axis=1), np.linspace(0.03, 0.0999, 50)
+    force = slopes(lambda t, x, p: abs(x[0] - 1) ** 1.5, t, x, {})[1][0]
+    np.testing.assert_allclose(force[0], 1.5 * np.sqrt(x[0] - 1), rtol=1e-3)
+
+    def ramp(t: Any, x: Any, p: Any) -> Any:
+        return p["m"] * (t % 0.1) - x[0]
+
+    slopes(ramp, 0.05, x[:, :1], {"m": 3.0}, ("m",))
+    late = slopes(ramp, 0.0999, x[:, :1], {"m": 3.0}, ("m",))[1][0, :, 0]
+    np.testing.assert_allclose(late, [-1, 0, 3, 0.0999], atol=1e-9)
+
+
 def test_rounding_of_the_terms_of_a_small_force_is_no_kink_and_a_small_kink_is_one() -> None:
     """Far from a breather a force is as small as the rounding of what it is the difference of."""
 
