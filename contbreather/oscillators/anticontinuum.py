@@ -252,13 +252,14 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     apart, velocities = list[Cycle](), list[Array]()
     for orbit in sorted(attracting, key=_off_centre):
         v = orbit.states(period * np.arange(16) / 16)[1]
-        if all(abs(v - other).max() > _ALIKE * size * omega for other in velocities):
+        if all(abs(v - other).max() > _ALIKE * abs(v).max() for other in velocities):
             apart, velocities = [*apart, orbit], [*velocities, v, -np.roll(v, 8)]
     return sorted(apart, key=_swing)
 
 
 def _off_centre(orbit: Cycle) -> float:
-    return abs(orbit.max["u"] + orbit.min["u"])
+    twice = orbit.max["u"] + orbit.min["u"]
+    return abs(twice) - 1e-3 * twice  # of wells at both sides the right one, for all sites
 
 
 def _swing(orbit: Cycle) -> float:

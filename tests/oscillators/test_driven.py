@@ -152,6 +152,30 @@ def test_of_two_wells_that_are_mirror_images_that_at_rest_is_low() -> None:
     assert all(orbit.min[f"u{n}"] > -0.3 for n in range(3))
 
 
+def test_sites_unlike_are_in_the_same_of_two_wells_that_are_mirror_images() -> None:
+    chain = cb.Oscillators(
+        V="(u**2 - 1)**2/4", W="c*r**2/2", lattice=cb.Ring(3), masses=[1, 1.1, 1.2], damping=0.1,
+        drive="a*cos(omega*t)",
+    )  # fmt: skip
+    for omega in (1.0, 1.2, 1.5):
+        orbit = cb.breather(chain, {0: "low"}, omega=omega, params={"c": 0.01, "a": 0.05}).solution
+        assert all(orbit.min[f"u{n}"] > 0 for n in range(3))
+
+
+def test_small_swings_in_wells_of_unlike_depth_are_attractors_apart() -> None:
+    """Each of them responds as its well does to so weak a drive, V'' of it apart from omega**2."""
+    chain = cb.Oscillators(
+        V="u**2*(u + 2)**2/4 + u**3/20", W="c*r**2/2", lattice=cb.Ring(3), damping=0.1,
+        drive="a*cos(omega*t)",
+    )  # fmt: skip
+    orbit = cb.breather(chain, {0: "high"}, omega=0.9, params={"c": 1e-6, "a": 2e-3}).solution
+    well = np.roots([1.0, 3.15, 2.0]).min()
+    for n, u in enumerate([0.0, well, well]):
+        stiffness = 3 * u**2 + 6.3 * u + 2
+        response = 2e-3 / abs(stiffness - 0.81 + 0.09j)
+        assert orbit.swings[n] == pytest.approx(2 * response, rel=0.01)
+
+
 @pytest.mark.parametrize("omega", [0.99, 1.0])
 def test_a_resonance_at_which_no_free_swing_has_the_frequency_is_no_escape(omega) -> None:
     """All sites alike do not feel their bonds: each is Duffing's oscillator, of which a is known
