@@ -374,11 +374,17 @@ def test_a_figure_of_any_number_that_points_have(in_a: Branch) -> None:
     def height(point: cb.continuation.Point) -> float:
         return float(point.displacement(1, 0.0))
 
+    assert plots.plot(in_a, y=height).axes.get_ylabel() == "height"
     ax = plots.plot_diagram([in_a], y=height).axes
     assert ax.get_ylabel() == "height"
     x, y = ax.get_lines()[0].get_data()
     here = in_a[int(np.argmin(abs(in_a["a"] - x[0])))]
     assert y[0] == pytest.approx(height(here), abs=1e-9)
+
+
+def test_a_site_that_is_given_twice_is_named_once(in_a: Branch) -> None:
+    ax = plots.plot_orbit(in_a[0], sites=(1, 1, 2)).axes
+    assert [word.get_text() for word in ax.get_legend().get_texts()] == ["$u_{1}$", "$u_{2}$"]
 
 
 # --- zones --------------------------------------------------------------------------------------

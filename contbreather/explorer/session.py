@@ -270,7 +270,7 @@ class Session:
         return self.state.chosen
 
     def watch(self, sites: Sequence[int], ring: int) -> None:
-        shown = tuple(dict.fromkeys(chosen_sites(sites))) if sites else ()  # around the impact
+        shown = tuple(chosen_sites(sites)) if sites else ()  # around the impact
         self.change(sites=shown, ring=small(Ring(ring)).sites)
 
     def begin(self, computation: Computation) -> None:

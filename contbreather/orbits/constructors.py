@@ -278,8 +278,8 @@ def _guess(
         listed = isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)
         if isinstance(seed, str) or not listed or len(seed) != 2:
             raise BadInput(
-                "a seed is an orbit, a point of a branch, a state (u, v) or a dict of impact "
-                f"times; got {kind_of(seed)}."
+                "a seed is an orbit, a point of a branch, a state (u, v), of a periodic motion its "
+                f"state, or a dict of impact times; got {kind_of(seed)}."
             )
         size = np.size(seed[0])
         if lattice is not None and lattice.sites != size:

@@ -62,7 +62,7 @@ Group = tuple[str, tuple[tuple[str, float], ...]]
 def plot_branches(
     *branches: Branch,
     x: str | None = None,
-    y: str | None = None,
+    y: Any = None,  # a column, or a function of a point
     ax: Axes | None = None,
     labels: bool | None = None,
     kinds: Iterable[str] | None = None,
@@ -73,6 +73,7 @@ def plot_branches(
             "plot needs at least one branch; those of trace_many come once, a list keeps them, and "
             "cb.load reads those in a file"
         )
+    branches, y = _with_ordinate(branches, y)
     for name in (x, y):
         check_kind(name, (str, type(None)), "the name of a column")
     check_kind(labels, (bool, type(None)), "True, False or None for labels")
@@ -111,6 +112,14 @@ def plot_branches(
                 canvas.lay_out(axes)
             canvas.place_words(axes, pixel, words)
     return drawn
+
+
+def _with_ordinate(branches: Sequence[Branch], y: Any) -> tuple[tuple[Branch, ...], Any]:
+    """Record a function of a point as a column, under its name."""
+    if not callable(y):
+        return (*branches,), y
+    name = getattr(y, "__name__", "y")
+    return tuple(with_columns(branch, **{name: y}) for branch in branches), name
 
 
 def _lines(
@@ -554,18 +563,16 @@ def plot_diagram(
         check_kind(branch, Branch, "a diagram, or a sequence of branches,")
     if not branches:
         raise BadInput("there is no branch to draw")
-    if callable(y):
-        name = getattr(y, "__name__", "y")
-        branches, y = [with_columns(branch, **{name: y}) for branch in branches], name
-    y = _ordinate(branches) if y is None else y
-    check_kind(y, str, "the name of a column, or a function of a point,")
+    drawn, name = _with_ordinate(branches, y)
+    name = _ordinate(drawn) if name is None else name
+    check_kind(name, str, "the name of a column, or a function of a point,")
     drawable = [
         branch
-        for branch in branches
-        if branch.problem.normed(y) or {*ordinates(branch, y)} <= {*branch.names}
+        for branch in drawn
+        if branch.problem.normed(name) or {*ordinates(branch, name)} <= {*branch.names}
     ]
     shown = [refined(branch, 60) for branch in drawable]  # points, for a smooth line
     if not shown:
-        there = sorted({name for branch in branches for name in branch.tabulated()} - {"label"})
-        raise BadInput(f"no branch has a column {y!r}; there are {there}")
-    return plot_branches(*shown, x=x, y=y, ax=ax)
+        there = sorted({each for branch in drawn for each in branch.tabulated()} - {"label"})
+        raise BadInput(f"no branch has a column {name!r}; there are {there}")
+    return plot_branches(*shown, x=x, y=name, ax=ax)

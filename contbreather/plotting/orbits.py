@@ -155,7 +155,8 @@ def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[i
 
 
 def chosen_sites(sites: object) -> list[int]:
-    chosen = [whole("sites", n, -MOST) for n in (sites if np.iterable(sites) else [sites])]
+    given = sites if np.iterable(sites) else [sites]
+    chosen = list(dict.fromkeys(whole("sites", n, -MOST) for n in given))
     if not chosen:
         raise BadInput(f"sites = {sites!r}: at least one site was expected")
     return chosen

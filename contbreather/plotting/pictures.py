@@ -3,7 +3,7 @@ picture, a table. Nothing is fetched."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from html import escape
 from inspect import signature
@@ -43,7 +43,7 @@ LISTS = (list, tuple)
 def plot(
     *values: Any,
     x: str | None = None,
-    y: str | None = None,
+    y: str | Callable[[Point], float] | None = None,
     ax: Axes | None = None,
     labels: bool | None = None,
     kinds: Iterable[str] | None = None,
@@ -69,13 +69,13 @@ def plot(
         boundaries lines are solid. Or one diagram, zones (or several in a list), orbit, cycle,
         point, entry of a catalogue, run, sweep or basin: of these `contbreather.plotting` has
         functions with more to choose.
-    x, y : str, optional
-        Columns. By default the free parameter of the first branch, and the first unknown (on a
-        boundary the other parameter; of cycles the first state; of breathers p, half the momentum
-        of an impact, but with arms among them the asymmetry or t1, whichever tells them apart and
-        lays no branch that turns back upon itself). An array unknown is drawn by its entry of
-        largest size, with its sign; ``"norm(u)"`` is its norm. ``plot(branch, "a", "p")`` says the
-        same.
+    x, y : str, y also callable, optional
+        Columns; y of branches may be a function of a point, the number to draw. By default the
+        free parameter of the first branch, and the first unknown (on a boundary the other
+        parameter; of cycles the first state; of breathers p, half the momentum of an impact, but
+        with arms among them the asymmetry or t1, whichever tells them apart and lays no branch
+        that turns back upon itself). An array unknown is drawn by its entry of largest size, with
+        its sign; ``"norm(u)"`` is its norm. ``plot(branch, "a", "p")`` says the same.
     ax : matplotlib Axes, optional
         A new figure of the width of a journal column unless given. Axes that show other columns
         are refused.
@@ -111,7 +111,7 @@ def plot(
     names = [value for value in values if isinstance(value, str)]
     if len(names) > 2 or any((x, y)[: len(names)]):
         raise BadInput(f"the columns {', '.join(names)}: x and y were expected, each once")
-    options = {"ax": ax, "labels": labels, "kinds": kinds, "colours": colours}
+    options: dict[str, Any] = {"ax": ax, "labels": labels, "kinds": kinds, "colours": colours}
     options |= dict(zip("xy", [*names, *(x, y)[len(names) :]], strict=True))
     wanted: dict[str, Any] = {name: value for name, value in options.items() if value is not None}
     # several may be given together as well, as `switch` returns them
