@@ -258,3 +258,17 @@ def test_pairs_that_a_symmetry_makes_alike_leave_the_circle_together_in_doubt() 
     assert doubtful.kind == "NS"
     assert doubtful["mu"] == pytest.approx(0.6, abs=1e-6)
     assert "two NS at once" in doubtful.detail["reason"]
+
+
+@pytest.mark.parametrize("intervals", [20, 60])
+def test_a_period_that_doubles_without_damping_has_no_criticality(intervals):
+    def pendulum(t, x, p):
+        return [x[1], 0.1 - 0.5 * np.sin(x[0]) + p["F"] * np.cos(t)]
+
+    # areas are preserved: multipliers are mu and 1/mu, and come to -1 in a pair, with one direction
+    start = {"x": -0.2, "v": 0.0}, {"F": 0.74}
+    orbit = cb.cycle(pendulum, *start, period=TAU, collocation=Collocation(intervals))
+    doubled = cb.trace(orbit, "F", towards="up", within={"F": (0.74, 0.75)}).first("PD")
+    assert abs(doubled.solution.multipliers + 1).max() < 1e-6
+    assert doubled["criticality"].startswith("unknown: a double eigenvalue")
+    assert "c" not in doubled.detail

@@ -535,11 +535,14 @@ def null_vectors(matrix: Matrix) -> tuple[NDArray[Any], NDArray[Any]]:
         lu = factorised(matrix)
     except RuntimeError:
         lu = factorised(_shifted(matrix))
-    q = p = any_vector(matrix.shape[0]).astype(matrix.dtype)
+    p = any_vector(matrix.shape[0]).astype(matrix.dtype)
     for _ in range(TURNS):
-        # inverse iteration: the null vector grows by the inverse of what M has left of a zero
-        q, p = lu.solve(q), lu.solve(p, "H")
-        q, p = q / np.linalg.norm(q), p / np.linalg.norm(p)
+        # inverse iteration by M* M: M alone has lost q after two solves where conj(p) q = 0, as of
+        # a double eigenvalue with one eigenvector
+        q = lu.solve(p)
+        q = q / np.linalg.norm(q)
+        p = lu.solve(q, "H")
+        p = p / np.linalg.norm(p)
     return q, p
 
 
