@@ -277,6 +277,12 @@ def _examine(point: Point) -> Examined:
     if coarse := orbit.coarse():
         return coarse
     slow, *more = _passages(orbit)
+    sizes = sizes_of(orbit.flights, orbit.equations.units)
+    moved = max(
+        (np.ptp(f.states, axis=0) / s).max() for f, s in zip(orbit.flights, sizes, strict=True)
+    )
+    if slow.pace >= _SLOW * moved**2:
+        return NOTHING  # it is small beside its states, and turns as fast everywhere
     saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
     if slow.rest in saddles:
         return _description(saddles)

@@ -12,7 +12,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import contbreather as cb
+from contbreather.continuation.curve.point import NOTHING
 from contbreather.flows import Collocation
+from contbreather.flows.homoclinic import HOMOCLINIC
 
 from .zoo import BAND, CASES, born, lorenz, roessler
 
@@ -398,3 +400,18 @@ def test_a_cycle_along_what_repels_is_followed_though_its_multiplier_is_1e23() -
     (arm,) = cb.switch(doubling, within={"Vr": (-60, -46.4)}, events=())
     assert arm[-1]["Vr"] == -46.4
     assert abs(arm[-1].solution.others[0]) > 1e23
+
+
+def test_a_small_cycle_far_from_the_origin_rests_nowhere() -> None:
+    """It turns evenly. A curve of branch points that shrinks to rest ended as if its period grew,
+    where the tangent along the branch is rounding."""
+
+    def cell(t, x, p):
+        a, b = x - 100.0
+        r = a * a + b * b
+        u, w = p["u"] - r, 1.0 - r
+        return [u * a - w * b, w * a + u * b]
+
+    rest = cb.equilibrium(cell, {"a": 100.0, "b": 100.0}, {"u": -0.01})
+    cycles = born(rest, "u", (-0.01, 0.5))
+    assert HOMOCLINIC.examine(cycles[0]) is NOTHING
