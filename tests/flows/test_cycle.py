@@ -600,6 +600,7 @@ def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
     branch = cb.trace(ring, "mu", **far)
     wanted = "the solution grows, and no window ends it; give one, within={'mu': (low, high)}"
     assert branch.reason == wanted
+    assert cb.trace(ring, "mu", within={"mu": (1e-9, 2)}, **far).reason == ""  # it has that window
     assert cb.trace(ring, "mu", within={"mu": (0.1, 2)}, **far).stop.name == "BOUND"
     for asked in (
         lambda: branch["nu"], lambda: branch[0]["nu"],

@@ -408,6 +408,8 @@ class Growth:
             return ""
         grows = self._growing(z)
         window = grows or self.tendencies[-1].name  # of the solution a parameter tells how far
+        if not grows and any(b.name == window and len(b.ends) == 2 for b in self.bounds):
+            return ""
         return (
             f"{grows or 'the solution'} grows, and no window ends it; give one, "
             f"within={{{window!r}: (low, high)}}"
