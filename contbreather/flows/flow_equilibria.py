@@ -20,7 +20,7 @@ from ..continuation.curve.problem import Problem
 from ..continuation.systems import spectrum
 from .collocation import Collocation, fitted, sizes_of
 from .cycle_constructors import named_state, state_names, with_jacobian
-from .cycle_events import events_of_cycle
+from .cycle_events import events_of_cycle, examine_swing
 from .cycle_problem import CycleProblem
 from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
@@ -150,6 +150,7 @@ def _born(point: Point) -> SwitchingProblem:
         turned = q[:, None] * np.exp(1j * omega * t)
         return np.asarray(rest[:, None] + amplitude * turned.real)
 
+    born = None
     for amplitude in _AMPLITUDES:
         flight = fitted(problem.collocation, 0.0, period, partial(wave, amplitude * size))
         flows, sizes = (problem.flow,), sizes_of([flight], units)
@@ -171,5 +172,10 @@ def _born(point: Point) -> SwitchingProblem:
             # beside the origin the orbit says nothing of what it grows to: a hundred times itself
             unit = np.maximum(cycle.scales["orbit"], units * size * amplitude / _AMPLITUDES[0])
             cycle = replace(cycle, scales={**cycle.scales, "orbit": unit})
-            return _Born(cycle, free, both=False)
+            born = _Born(cycle, free, both=False)
+            # it is as large beside what it may grow to as states are counted from far off
+            if not examine_swing(amplitude, first):
+                return born
+    if born:
+        return born
     raise Undefined("no small cycle was found beside the Hopf point: it may be degenerate")

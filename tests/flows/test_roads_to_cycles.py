@@ -18,7 +18,7 @@ from contbreather.errors import BadInput, NotConverged
 from contbreather.flows import cycle_of
 
 from .test_cycle import variational
-from .zoo import FOLD_OF_BALL, TABLE, strike, walk
+from .zoo import FOLD_OF_BALL, TABLE, born, strike, walk
 
 TURN = 2 * math.pi
 
@@ -507,3 +507,17 @@ def test_half_a_period_of_samples_is_refused_as_that_not_as_an_equilibrium() -> 
             cb.cycle(vdp, (t, run.sol(t)), {"mu": 1.0})
         assert "equilibrium" not in str(refused.value)
         assert "family" not in str(refused.value)
+
+
+def test_the_first_cycle_beside_a_hopf_point_is_small_however_far_states_are_from_zero() -> None:
+    """As temperatures in kelvin. R = r^2 has u = 20 R^2 - 2 R: a fold at R = 0.05, u = -0.05."""
+
+    def warm(t, x, p):
+        a, b = x - 50.0
+        r = a * a + b * b
+        grows = p["u"] + 2 * r - 20 * r * r
+        return [grows * a - b, a + grows * b]
+
+    cycles = born(cb.equilibrium(warm, {"a": 50.0, "b": 50.0}, {"u": -0.1}), "u", (-0.1, 0.1))
+    assert cycles.first("LP")["u"] == pytest.approx(-0.05, rel=1e-8)
+    assert abs(cycles[0]["u"]) < 1e-3
