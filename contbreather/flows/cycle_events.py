@@ -404,7 +404,8 @@ def _ends(orbit: Cycle, i: int, name: str) -> bool:
     at = flight.last, flight.end[:, None], p
     (value, own), (ended, other) = (slopes(of, *at, tuple(p)) for of in (wall, until))
     (own, other), size = (own[0, :, 0], other[0, :, 0]), np.append(flight.end, at[0])
-    error = 1e-9 * abs(own[: size.size]) @ abs(size) + 10 * abs(ended[0, 0]) * np.linalg.norm(own)
+    larger = np.linalg.norm(own) / np.linalg.norm(other)
+    error = 1e-9 * abs(own[: size.size]) @ abs(size) + 10 * larger * abs(ended[0, 0])
     across = own - other * (own @ other) / (other @ other)
     return bool(abs(value[0, 0]) <= error and np.linalg.norm(across) <= 1e-6 * np.linalg.norm(own))
 

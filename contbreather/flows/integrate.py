@@ -369,9 +369,12 @@ class _Integration:
             steps.append(self.step(solver))
             falls = [watch.fall(steps[-1], t[-1], solver.t) for watch in guarded]
             at = min(falls, default=math.inf)
-            hit = clock + falls.index(at) if math.isfinite(at) else None
-            t.append(solver.t if hit is None else at)
-            x.append(solver.y if hit is None else steps[-1](at))
+            # of one that falls as late as the first but for rounding: the condition before a wall
+            late = at + _EDGE * max(abs(at), solver.t - t[-1])
+            i = next((i for i, fall in enumerate(falls) if fall <= late < math.inf), None)
+            hit = None if i is None else clock + i
+            t.append(solver.t if i is None else falls[i])
+            x.append(solver.y if i is None else steps[-1](falls[i]))
         if hit is None and waited < end:
             kind: type[NotConverged] = NeverMet
             why = (

@@ -281,3 +281,20 @@ def test_a_wall_that_ends_its_flow_anyway_is_no_touch_of_its_own(
     assert places == pytest.approx([end["w"] for end in grazings(resonance)], abs=1e-9)
     (beyond,) = cb.switch(branch.first("GR"), within=WITHIN)
     assert beyond[0]["beyond"] == "persists"
+
+
+def test_a_wall_that_is_zero_where_a_condition_of_small_numbers_is_does_not_end_a_branch() -> None:
+    def falls(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], -0.1 * x[1] - 4 * (x[0] - 1.2) + p["F"] * np.cos(t)]
+
+    def traced(*walls: Any) -> list[float]:
+        flow = cb.Flow(
+            falls,
+            until=lambda t, x, p: 0.01 * x[0],
+            reset=lambda t, x, p: [x[0], -0.7 * x[1]],
+            walls=walls,
+        )
+        orbit = cb.cycle(flow, {"x": 0.5, "v": 0.0}, {"F": 4.5}, period=TAU, settle=150)
+        return [point["F"] for point in cb.trace(orbit, "F", within={"F": (4.0, 8.0)}).special]
+
+    assert traced(lambda t, x, p: x[0]) == pytest.approx(traced(), abs=1e-9)

@@ -207,3 +207,23 @@ def test_a_block_that_topples_is_refused_as_what_grows_without_bound() -> None:
     )
     with pytest.raises(cb.NotConverged, match="grows without bound"):
         cb.integrate(topples, {"tilt": 0.0, "v": 2.0}, {}, events=30)
+
+
+@pytest.mark.parametrize("times", [0.7, 3.0, 5.0])
+def test_a_wall_that_is_zero_where_a_condition_is_does_not_end_a_run(times: float) -> None:
+    """Rounding decides which of both is zero first."""
+
+    def rises(t: Any, x: Any, p: Any) -> Any:
+        return [2 - 0.2 * x[0], x[0] - x[1]]
+
+    def falls(t: Any, x: Any, p: Any) -> Any:
+        return [-0.2 * x[0] - x[1], x[0] - x[1]]
+
+    def between(t: Any, x: Any, p: Any) -> Any:
+        return times * (1.1 - x[0]) * (x[0] - 0.4)
+
+    relay = [
+        cb.Flow(rises, until=lambda t, x, p: 1.1 - x[0], walls=between),
+        cb.Flow(falls, until=lambda t, x, p: x[0] - 0.4, walls=between),
+    ]
+    assert len(cb.integrate(relay, {"i": 0.5, "v": 0.3}, {}, time=50).events) > 50
