@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, check_double
-from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose
+from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, central, choose
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
@@ -343,13 +343,8 @@ def _differences(joined: Any, z: Array, scales: Array, finer: Array, ways: Array
         for shorter in (1, 64, 4096):
             # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
             step = RELATIVE * size / (divisor * shorter)
-            aside = way[:, None] * step
-            near = np.array(joined(z + aside)) - joined(z - aside)
-            far = np.array(joined(z + 2 * aside)) - joined(z - 2 * aside)
-            # both are proportional to the step, but for a cube of it; NaN is not, nor is rounding
-            even = abs(2 * near - far) <= 1e-3 * abs(near).max(axis=-1, keepdims=True)
-            better = uneven & (even | ~np.isfinite(slope))
-            slope = np.where(better, (8 * near - far) / 12 / step, slope)
+            change, even = central(joined, z, way[:, None] * step, -1)
+            slope = np.where(uneven & (even | ~np.isfinite(slope)), change / step, slope)
             uneven = uneven & ~even
             if not uneven.any():
                 break

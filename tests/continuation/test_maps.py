@@ -240,3 +240,16 @@ def test_a_curve_of_folds_goes_on_beyond_a_ring_of_fixed_points() -> None:
     ring = folds.first("R1")
     assert [point.kind for point in folds.special] == ["EP", "R1", "CP", "R1", "EP"]
     assert [ring["R"], ring["C"], ring["x"]] == pytest.approx([0, 1, math.sqrt(14)], abs=1e-9)
+
+
+def test_a_cycle_of_lozi_s_map_ends_where_it_comes_to_the_kink() -> None:
+    """Its two points are at a = 1 - b on the line x = 0, up to which slopes are those of its own
+    side."""
+
+    def lozi(u, p):
+        return np.array([1 - p["a"] * abs(u[0]) + u[1], p["b"] * u[0]])
+
+    two = FixedPoint(lozi, {"x": 0.9, "y": -0.1}, {"a": 1.3, "b": 0.2}, period=2)
+    branch = trace(two, "a", within={"a": (0.3, 1.9)}, towards="down")
+    assert [point.label for point in branch.special] == ["EP1", "PD1", "MX1"]
+    assert [point["a"] for point in branch.special] == pytest.approx([1.3, 1.2, 0.8], abs=1e-7)

@@ -13,6 +13,7 @@ from contextlib import suppress
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .newton import OUT_OF_DOMAIN, Array, Undefined
 from .sparse import Pattern, row_sizes
@@ -34,12 +35,14 @@ def differences(
     finer: Array | float = 1.0,
     one_sided: bool = False,
     kinks: Collection[int] = (),
+    own_side: bool = False,
 ) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
     Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a edge, where a
     step would leave the domain, shorter ones are taken, and with `one_sided` at the edge itself
-    steps to one side. Along entries in `kinks` the function may have one at `z`: the mean of both
+    steps to one side; with `own_side` shorter ones, too, where a step reaches over a kink or a jump
+    beside `z`. Along entries in `kinks` the function may have one at `z`: the mean of both
     sides, each by itself.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
@@ -56,9 +59,10 @@ def differences(
         if i in kinked:
             slopes.append((to_one_side(0.5) + to_one_side(-0.5)) / 2)
             continue
+        column, uneven = np.array(math.nan), np.array(True)
         for h in (step, step / 64, step / 4096):
             try:
-                column = directional(function, z, unit * h) / h
+                change, even = central(function, z, unit * h)
             except OUT_OF_DOMAIN:
                 if h > step / 1000:
                     continue
@@ -68,7 +72,10 @@ def differences(
                     column = to_one_side(1 / 64)
                 except OUT_OF_DOMAIN:
                     column = to_one_side(-1 / 64)
-            if np.isfinite(column).all():
+                break
+            column = np.where(uneven & (even | ~np.isfinite(column)), change / h, column)
+            uneven = uneven & ~even
+            if not (own_side and uneven.any()) and np.isfinite(column).all():
                 break
         slopes.append(column)
     return np.stack(slopes, axis=-1)
@@ -76,11 +83,21 @@ def differences(
 
 def directional(function: Function, z: Array, step: Array) -> Array:
     """``step . grad`` of `function` at `z` by the five-point formula over ``z + {-2..2} step``."""
+    return central(function, z, step)[0]
+
+
+def central(
+    function: Function, z: Array, step: Array, alike: int | tuple[()] = ()
+) -> tuple[Array, NDArray[np.bool_]]:
+    """The same, and whether both central differences are proportional to the step, but for a cube
+    of it, compared with the largest of the places that are `alike`, an axis: they are not beside a
+    kink or a jump, nor is NaN, nor rounding."""
     # np.array copies: a function may return the same array each time, written anew
     near = np.array(function(z + step)) - function(z - step)
     far = np.array(function(z + 2 * step)) - function(z - 2 * step)
+    even: NDArray[np.bool_] = abs(2 * near - far) <= 1e-3 * abs(near).max(axis=alike, keepdims=True)
     # off by h^4 / 30 of the fifth derivative; rounding, eps / h, is as large at h = eps^(1/5)
-    return np.asarray((8 * near - far) / 12)
+    return np.asarray((8 * near - far) / 12), even
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -189,7 +206,7 @@ def choose(function: Function, z: Array, scales: Array, rounding: float = 0.0) -
     """Complex steps if they agree with differences at `z`; anything not analytic does not. Values
     may be off by `rounding` besides the rounding of each."""
     wanted, doubt, finer = estimate(function, z, scales, rounding)
-    fallback = functools.partial(differences, scales=scales, finer=finer)
+    fallback = functools.partial(differences, scales=scales, finer=finer, own_side=True)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
