@@ -39,7 +39,7 @@ def differences(
 ) -> Array:
     """Five-point central differences, one column for each entry of `z`; about 1e-12 relative.
 
-    Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to a edge, where a
+    Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to an edge, where a
     step would leave the domain, shorter ones are taken, and with `one_sided` at the edge itself
     steps to one side; with `own_side` shorter ones, too, where a step reaches over a kink or a jump
     beside `z`. Along entries in `kinks` the function may have one at `z`: the mean of both
