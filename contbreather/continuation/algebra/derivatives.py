@@ -89,9 +89,9 @@ def directional(function: Function, z: Array, step: Array) -> Array:
 def central(
     function: Function, z: Array, step: Array, alike: int | tuple[()] = ()
 ) -> tuple[Array, NDArray[np.bool_]]:
-    """The same, and whether both central differences are proportional to the step, but for a cube
-    of it, compared with the largest of the places that are `alike`, an axis: they are not beside a
-    kink or a jump, nor is NaN, nor rounding."""
+    """Give the same, and whether both central differences are proportional to the step, but for a
+    cube of it, compared with the largest of the places that are `alike`, an axis: they are not
+    beside a kink or a jump, nor is NaN, nor rounding."""
     # np.array copies: a function may return the same array each time, written anew
     near = np.array(function(z + step)) - function(z - step)
     far = np.array(function(z + 2 * step)) - function(z - 2 * step)
