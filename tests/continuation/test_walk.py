@@ -231,14 +231,33 @@ def test_a_pole_is_followed_until_the_steps_are_used_up() -> None:
 @pytest.mark.slow
 def test_a_walk_that_gets_nowhere_ends() -> None:
     kink, _ = ending(lambda x, p: x - abs(p["mu"]), steps=Steps(most=9999))
-    assert kink.reason == "the curve is not smooth at the smallest step"
-    for power, wanted in ((2, "200 steps in a row had to be tiny"), (0, kink.reason)):
+    assert kink.reason.startswith("the curve has a kink, where its tangent jumps")
+    rough = "the curve is not smooth at the smallest step"
+    for power, wanted in ((2, "200 steps in a row had to be tiny"), (0, rough)):
         branch, calls = ending(
             lambda x, p, power=power: x - p["mu"] ** power * np.sin(1 / p["mu"]),
             math.sin(1.0), steps=Steps(most=9999),
         )  # fmt: skip
         assert (branch.stop, branch.reason) == (Stop.NO_CONVERGENCE, wanted)
         assert calls < 20 * len(branch)
+
+
+def test_a_curve_that_ends_at_a_kink_says_so_and_keeps_its_derivatives() -> None:
+    """Complex steps have the mean of both slopes of `abs` at its kink, as differences do."""
+
+    def kinked(x, p):
+        return p["mu"] - x - p["k"] * abs(x - 1)
+
+    for k in (0.44, 1.5):
+        for x in (-1.9, -0.5, 0.3, 1.0, 1.7, 2.4):
+            start = zoo.scalar(kinked, x, {"mu": x + k * abs(x - 1), "k": k})
+            branch = trace(start, "mu", within={"mu": (-9, 9), "x": (-4, 4)})
+            reason = branch.reason or branch.began_reason
+            assert reason.startswith("the curve has a kink, where its tangent jumps")
+            far = [point for point in branch if abs(point["x"] - 1) > 1e-5]
+            slopes = [point.jacobian()[0, 0] for point in far]
+            wanted = [-1 - k * np.sign(point["x"] - 1) for point in far]
+            assert slopes == pytest.approx(wanted, abs=1e-5)
 
 
 def test_overflow_ends_a_branch_without_a_warning() -> None:

@@ -202,11 +202,16 @@ def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = 
     return matrix
 
 
-def choose(function: Function, z: Array, scales: Array, rounding: float = 0.0) -> Scheme:
-    """Complex steps if they agree with differences at `z`; anything not analytic does not. Values
-    may be off by `rounding` besides the rounding of each."""
+def choose(
+    function: Function, z: Array, scales: Array, rounding: float = 0.0, *, analytic: bool = True
+) -> Scheme:
+    """Complex steps if they agree with differences at `z`; anything not analytic does not, but for
+    `abs` at its kink: that it is not, is told. Values may be off by `rounding` besides the rounding
+    of each."""
     wanted, doubt, finer = estimate(function, z, scales, rounding)
     fallback = functools.partial(differences, scales=scales, finer=finer, own_side=True)
+    if not analytic:
+        return fallback
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -424,7 +424,7 @@ class Curve:
             aside = z + AHEAD * np.maximum(scales, abs(z))
             self._scheme = derivatives.choose(function, aside, scales)
             if self._scheme is not derivatives.complex_steps:  # by steps that suit this place
-                self._scheme = derivatives.choose(function, z, scales)
+                self._scheme = derivatives.choose(function, z, scales, analytic=False)
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:

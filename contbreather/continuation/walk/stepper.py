@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,7 @@ LOG = logging.getLogger(__name__)
 
 EXACT = 1e-14  # relative to 1 + |z|: so close to a bound a place is on it
 _PATIENCE = 200  # so many tiny steps in a row lead nowhere
+_KINK = "the curve has a kink, where its tangent jumps: set out anew from a solution beyond it"
 _FIRST, _MOST = 8, 256  # steps at once: at first, and at most
 
 
@@ -122,7 +124,12 @@ class Stepper:
             wrong = reconsider(self.curve, point.z + self.size * point.direction, point.z)
             if wrong:
                 raise StepFailed(wrong) from failed
-            last, crossing, stop = self._advance(point)
+            try:
+                last, crossing, stop = self._advance(point)
+            except StepFailed as again:
+                if again.stop is Stop.NO_CONVERGENCE and self._has_kink(point):
+                    raise StepFailed(_KINK) from again
+                raise
         length = last.arclength - point.arclength
         # what only takes tiny steps would not get anywhere, at great expense
         self.longest = max(self.longest, length)
@@ -250,6 +257,23 @@ class Stepper:
             LOG.debug("step of %.3g refused: %s", size, failed)
             size /= 2
         raise failed or StepFailed()
+
+    def _has_kink(self, point: Point) -> bool:
+        """Tell whether the tangent jumps here, but hardly turns before, or along a curve beyond."""
+        curve, place, tangents = self.curve, point.z, [point.direction]
+        # where differences do not reach over it, 2e-6 or more off, and close to a step elsewhere
+        size = (1 + curve.length(place)) * math.cbrt(self.steps.smallest * self.steps.first**2)
+        try:
+            for share in (-2, -1, 1, 2):
+                place = point.z + share * size * point.direction
+                tangents.append(curve.tangent_at(place, tangents[-1])[0])
+            row = curve.metric * tangents[-1]
+            off, singular = curve.factors(place, row).correction(curve.equations(place), row)
+        except Undefined:
+            return False
+        before, jump, after = (_angle(curve, *pair) for pair in pairwise(tangents[1:]))
+        beyond = not singular and curve.length(off) < 2 * size
+        return beyond and jump > max(CUBIC_ERROR, 10 * before, 10 * after)
 
     def _attempt(self, point: Point, size: float, far: float) -> Step:
         curve, (second, third), sign, way = self.curve, self.bend, self.sign, point.direction
