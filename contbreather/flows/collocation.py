@@ -305,8 +305,11 @@ def states_along(flights: Sequence[TrajectorySegment], t: Array) -> Array:
     return states
 
 
-def sizes_of(flights: Sequence[TrajectorySegment], units: Any = 1.0) -> tuple[Array, ...]:
-    """Measure the motion of each state of each flow, or its size; which are small, in `units`.
+def sizes_of(
+    flights: Sequence[TrajectorySegment], units: Any = 1.0, share: float = 0.1
+) -> tuple[Array, ...]:
+    """Measure the motion of each state of each flow, or a share of its size; which are small, in
+    `units`.
 
     It is one for all flows of as many states: an orbit that is the same, or its mirror image, in
     one flow as in another has such meshes, too, wherever its branch began.
@@ -315,7 +318,7 @@ def sizes_of(flights: Sequence[TrajectorySegment], units: Any = 1.0) -> tuple[Ar
     for flight in flights:
         low, high = (x := flight.sampled(2)[1]).min(axis=1) / units, x.max(axis=1) / units
         # what hardly moves is measured by its value: its motion may be rounding
-        moves = np.maximum(high - low, 0.1 * np.maximum(high, -low))
+        moves = np.maximum(high - low, share * np.maximum(high, -low))
         sizes[low.size] = np.maximum(sizes.get(low.size, 0.0), moves)
     most = {n: float(size.max()) for n, size in sizes.items()}
     largest = max(most.values()) or 1.0

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
-from .collocation import sizes_of
+from .collocation import AT_REST, sizes_of
 from .cycle_problem import ONE, Cycle
 from .equations import Places, equations_of
 from .flow import TurnedBack, slid_along
@@ -199,7 +199,8 @@ class _Rest:
 
 def _passages(orbit: Cycle) -> list[_Passage]:
     """List the slow passages, the slowest first; at least one."""
-    sizes = sizes_of(orbit.flights, orbit.equations.units)
+    # by its own motion, however far from zero: beside its values a small one would be slow
+    sizes = sizes_of(orbit.flights, orbit.equations.units, AT_REST)
     moved = zip(orbit.velocities, sizes, strict=True)
     speeds = np.concatenate([np.vecdot(v := way / size, v) for way, size in moved])
     pace = speeds * (orbit.period / math.pi) ** 2
@@ -277,12 +278,8 @@ def _examine(point: Point) -> Examined:
     if coarse := orbit.coarse():
         return coarse
     slow, *more = _passages(orbit)
-    sizes = sizes_of(orbit.flights, orbit.equations.units)
-    moved = max(
-        (np.ptp(f.states, axis=0) / s).max() for f, s in zip(orbit.flights, sizes, strict=True)
-    )
-    if slow.pace >= _SLOW * moved**2:
-        return NOTHING  # it is small beside its states, and turns as fast everywhere
+    if slow.pace >= _SLOW:
+        return NOTHING
     saddles = [rest for passage in (slow, *more) if (rest := passage.rest) and rest.leading.size]
     if slow.rest in saddles:
         return _description(saddles)

@@ -415,3 +415,23 @@ def test_a_small_cycle_far_from_the_origin_rests_nowhere() -> None:
     rest = cb.equilibrium(cell, {"a": 100.0, "b": 100.0}, {"u": -0.01})
     cycles = born(rest, "u", (-0.01, 0.5))
     assert HOMOCLINIC.examine(cycles[0]) is NOTHING
+
+
+def test_where_states_are_counted_from_says_nothing_about_whether_an_orbit_rests() -> None:
+    """Bogdanov and Takens' homoclinic orbit came early, a canard was taken for one."""
+
+    def knot(t, x, p):
+        a, b = x - 1e4
+        return [b, -1 + p["u"] * b + a * a + a * b]
+
+    def canard(t, x, p):
+        a, b = x - 10.0
+        return [a - a**3 / 3 - b, 1e-3 * (a - p["u"])]
+
+    rest = cb.equilibrium(knot, {"a": 9999.0, "b": 1e4}, {"u": 0.8})
+    knots = born(rest, "u", (0.0, 3.0))
+    assert knots[-1].label == "HOM1"
+    assert knots[-1]["u"] == pytest.approx(0.74344427, rel=1e-6)  # as at zero
+    rest = cb.equilibrium(canard, {"a": 11.2, "b": 10.624}, {"u": 1.2})
+    ducks = born(rest, "u", (0.5, 1.3), u=(0.5, 1.3), period=(0, 210))
+    assert ducks[-1]["period"] == 210
