@@ -28,7 +28,8 @@ from .functions import Function, Params, at_state
 from .jacobian import Exact, FieldWithJacobian
 from .sparse_equations import sparse_where_large
 
-_AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4)  # of a first cycle beside a Hopf point, in its size
+# of a first cycle beside a Hopf point, in its size
+_AMPLITUDES = (1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6)
 
 
 def equilibrium(
@@ -174,7 +175,7 @@ def _born(point: Point) -> SwitchingProblem:
             cycle = replace(cycle, scales={**cycle.scales, "orbit": unit})
             born = _Born(cycle, free, both=False)
             # it is as large beside what it may grow to as states are counted from far off
-            if not examine_swing(amplitude, first):
+            if not examine_swing(_AMPLITUDES[0], first):
                 return born
     if born:
         return born

@@ -431,7 +431,7 @@ def test_where_states_are_counted_from_says_nothing_about_whether_an_orbit_rests
     rest = cb.equilibrium(knot, {"a": 9999.0, "b": 1e4}, {"u": 0.8})
     knots = born(rest, "u", (0.0, 3.0))
     assert knots[-1].label == "HOM1"
-    assert knots[-1]["u"] == pytest.approx(0.74344427, rel=1e-6)  # as at zero
+    assert knots[-1]["u"] == pytest.approx(0.74344427, rel=3e-6)  # as at zero
     rest = cb.equilibrium(canard, {"a": 11.2, "b": 10.624}, {"u": 1.2})
     ducks = born(rest, "u", (0.5, 1.3), u=(0.5, 1.3), period=(0, 210))
     assert ducks[-1]["period"] == 210
