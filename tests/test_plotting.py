@@ -375,6 +375,7 @@ def test_a_figure_of_any_number_that_points_have(in_a: Branch) -> None:
         return float(point.displacement(1, 0.0))
 
     assert plots.plot(in_a, y=height).axes.get_ylabel() == "height"
+    assert plots.plot(in_a, y=lambda point: height(point)).axes.get_ylabel() == "y(point)"
     ax = plots.plot_diagram([in_a], y=height).axes
     assert ax.get_ylabel() == "height"
     x, y = ax.get_lines()[0].get_data()

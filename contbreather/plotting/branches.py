@@ -118,7 +118,8 @@ def _with_ordinate(branches: Sequence[Branch], y: Any) -> tuple[tuple[Branch, ..
     """Record a function of a point as a column, under its name."""
     if not callable(y):
         return (*branches,), y
-    name = getattr(y, "__name__", "y")
+    name = getattr(y, "__name__", "")
+    name = name if name.isidentifier() else "y(point)"  # a lambda, say, which has none
     return tuple(with_columns(branch, **{name: y}) for branch in branches), name
 
 
