@@ -118,7 +118,9 @@ def boundary(
 def named_pair(pair: Any) -> tuple[str, str]:
     listed = isinstance(pair, tuple | list) and all(isinstance(name, str) for name in pair)
     if not listed or len(pair) != 2 or pair[0] == pair[1]:
-        raise BadInput(f"a boundary needs two different parameters, got {pair!r}")
+        raise BadInput(
+            f'a boundary needs two different parameters, ("a", "gamma") for instance, got {pair!r}'
+        )
     return pair[0], pair[1]
 
 
