@@ -132,6 +132,7 @@ class _Passage:
 
     def equilibrium(self, most: float) -> _Rest | None:
         f, x, sizes = self.orbit.equations.flows[self.flow].f, self.state, self.sizes
+        last = math.inf
         for _ in range(_ITERATIONS):
             velocity, derivative = slopes(f, 0.0, x[:, None], self.orbit.params)
             matrix = derivative[:, : x.size, 0]
@@ -140,9 +141,11 @@ class _Passage:
                 h, slope = slopes(self.surface, 0.0, x[:, None], self.orbit.params)
                 rows, off = np.vstack([matrix, slope[:, : x.size, 0]]), np.vstack([velocity, h])
             step = np.linalg.lstsq(rows, off[:, 0])[0]  # some states may always stay
-            x = x - step
-            if not self.near(x, self.state, most):
+            x, size = x - step, float(np.linalg.norm(step / sizes))
+            # where there is none they wander about, and may come to another one by chance
+            if not (size < last and self.near(x, self.state, most)):
                 return None
+            last = size
             if (abs(step) <= _SOLVED * (sizes + abs(x))).all():
                 break
         else:
