@@ -246,6 +246,19 @@ def test_next_to_a_strong_resonance_there_is_a_coefficient_and_on_it_none() -> N
     assert on_it["angle"] == pytest.approx(resonant, abs=1e-7)
 
 
+@pytest.mark.parametrize("start", [0.0, 0.5])
+def test_no_coefficient_where_branches_cross_as_a_period_doubles(start: float) -> None:
+    """Kopel's duopoly with equal firms has 1 and -1 at once at mu = 1, located to rounding."""
+
+    def duopoly(u: Array, p: Mapping[str, float]) -> Array:
+        return p["mu"] * u[::-1] * (1 - u[::-1])
+
+    firms = FixedPoint(duopoly, {"x": start, "y": start}, {"mu": 2.0})
+    point = trace(firms, "mu", within={"mu": (0.8, 2.5)}).first("PD")
+    assert point["mu"] == pytest.approx(1.0, abs=1e-14)
+    assert "resonance" in point["criticality"]
+
+
 @pytest.mark.parametrize(("second", "double"), [(1e-4, False), (1e-8, True)])
 def test_an_eigenvalue_is_double_only_next_to_another_with_the_same_vector(second, double) -> None:
     """By a map with the multipliers -1 and -1 + second, ``-x + y + x^3`` in its first place."""

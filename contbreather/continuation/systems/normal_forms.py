@@ -315,8 +315,14 @@ def takens_bogdanov(point: Point) -> tuple[Coefficient, Coefficient]:
 
 def flip(point: Point, agreed: float = AGREED) -> Coefficient:
     """Coefficient c of ``u -> -u + c u^3`` at a multiplier -1; positive: a stable doubled cycle
-    appears (supercritical)."""
+    appears (supercritical).
+
+    Raises `Undefined` where another multiplier of a map is 1, as where branches cross.
+    """
     forms = Forms(point, agreed)
+    of_map = forms.closing is None and not is_sparse(forms.A)
+    if of_map and min(abs(np.linalg.eigvals(forms.A))) < _DEFECTIVE:
+        raise Undefined("a second resonance: no normal form of this kind")
     q, p = forms.eigenvectors(forms.closed(-1.0))
     B, C = forms.jet(q)
     # on the centre manifold x = u q + u^2 h / 2 with -F_x h = B(q, q), as (-1)^2 = 1, and
