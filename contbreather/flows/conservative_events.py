@@ -112,26 +112,29 @@ def _examine_turn(found: Examined, point: Point) -> Examined:
 def signatures(orbit: Cycle) -> tuple[Array, Array]:
     """List the indices that are on the unit circle, and the Krein signatures of their pairs: +1 or
     -1, 0 where they are not known."""
-    return _signed(orbit.indices, *orbit.index_form)
+    on, signs = _signed(orbit.indices, *orbit.index_form)
+    return orbit.indices.real[on], signs[on]
 
 
 def _signed(
     indices: NDArray[np.complex128], matrix: Array, form: Array | None
-) -> tuple[Array, Array]:
-    on = indices.real[(indices.imag == 0) & (abs(indices.real) < 1)]
+) -> tuple[NDArray[np.bool_], Array]:
+    """Tell which indices are on the unit circle, and the signatures of all pairs, 0 off it."""
+    on, signs = (indices.imag == 0) & (abs(indices.real) < 1), np.zeros(indices.size)
     if form is None:
-        return on, np.zeros(on.size)
+        return on, signs
     from scipy.optimize import linear_sum_assignment
 
     values, vectors = np.linalg.eig(matrix)
     # where two meet each has a vector of its own, perhaps of a pair just off the axis: without sign
-    which, places = linear_sum_assignment(abs(values[:, None] - on))
+    which, places = linear_sum_assignment(abs(values[:, None] - indices.real[on]))
     x = vectors[:, which[places.argsort()]]
     turned = form @ x
     forms = (x.conj() * turned).sum(axis=0).real
     sizes = np.sqrt((abs(x) ** 2).sum(axis=0) * (abs(turned) ** 2).sum(axis=0))
     # next to where opposite ones meet their vectors do, too, and rounding decides
-    return on, np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
+    signs[on] = np.where(abs(forms) > _MET * sizes, np.sign(forms), 0.0)
+    return on, signs
 
 
 def _apart_by_symmetry(matrix: Array, indices: NDArray[Any], each: int) -> NDArray[np.bool_]:
@@ -147,15 +150,15 @@ def _nearest_two(point: Point) -> tuple[float, float]:
     """Square of the distance of the nearest two indices that may leave the real axis together, less
     than zero where an odd number of twos has left it; and what is halfway between them."""
     indices, matrix, form, _ = point.base_point.solution.passing
-    on, signs = _signed(indices, matrix, form) if indices.size > 1 else (np.empty(0), np.empty(0))
-    i, j = np.triu_indices(on.size, 1)
-    may, left = signs[i] * signs[j] <= 0, indices[indices.imag > 0]
+    (on, signs), x = _signed(indices, matrix, form), indices.real
+    i, j = np.triu_indices(indices.size, 1)
+    may, left = on[i] & on[j] & (signs[i] * signs[j] <= 0), indices[indices.imag > 0]
     if may.any():
-        may &= ~_apart_by_symmetry(matrix, on, len(matrix) // (indices.size + 1))[i, j]
-    squares = np.concatenate([(on[i] - on[j])[may] ** 2, 4 * left.imag**2])
+        may &= ~_apart_by_symmetry(matrix, indices, len(matrix) // (indices.size + 1))[i, j]
+    squares = np.concatenate([(x[i] - x[j])[may] ** 2, 4 * left.imag**2])
     if not squares.size:
         return math.nan, math.nan
-    middles, k = np.concatenate([0.5 * (on[i] + on[j])[may], left.real]), squares.argmin()
+    middles, k = np.concatenate([0.5 * (x[i] + x[j])[may], left.real]), squares.argmin()
     return float((-1) ** left.size * squares[k]), float(middles[k])
 
 
@@ -163,7 +166,7 @@ def _about(point: Point, index: float) -> tuple[Array, NDArray[np.complex128]]:
     """Measure how far above the two indices that meet at it one is, and above others that may meet
     them, in the order of their distances."""
     indices, matrix, form, _ = point.base_point.solution.passing
-    off, signs, size = index - indices, _signs(indices, matrix, form), indices.size
+    (_, signs), off, size = _signed(indices, matrix, form), index - indices, indices.size
     may = ~_apart_by_symmetry(matrix, indices, len(matrix) // (size + 1))
     twos = may & (np.multiply.outer(signs, signs) <= 0) & ~np.eye(size, dtype=bool)
     if not twos.any():
@@ -234,14 +237,6 @@ def _examine_cusp(point: Point) -> Examined:
     return unresolved(point) or {"said": "three pairs meet: the curve turns back with two of them"}
 
 
-def _signs(indices: NDArray[np.complex128], matrix: Array, form: Array | None) -> Array:
-    """Krein signatures of all pairs, 0 for those that are not on the circle, too."""
-    on, signs = _signed(indices, matrix, form)
-    every = np.zeros(indices.size)
-    every[np.isin(indices, on)] = signs
-    return every
-
-
 def _in_order(point: Point) -> Array:
     """Sum the signatures of pairs from each to the last, in the order of their indices. Where
     two leave the axis together one of these changes by 1, and by 2 where they come past each other,
@@ -249,7 +244,7 @@ def _in_order(point: Point) -> Array:
     taken. Without signatures how many have left the axis."""
     orbit = point.base_point.solution
     indices, *about, _ = orbit.passing
-    sums = _signs(indices, *about)[(-indices.real).argsort(kind="stable")].cumsum()[:-1]
+    sums = _signed(indices, *about)[1][(-indices.real).argsort(kind="stable")].cumsum()[:-1]
     if about[1] is None:
         sums[-1:] = orbit.quadruplets
     return sums

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..checks import brief, check_double
-from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, central, choose
+from ..continuation.algebra.derivatives import IMAGINARY, RELATIVE, choose, shortened
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array, Undefined
 from ..errors import BadInput
 
@@ -100,8 +100,7 @@ class _Calling:
         """Evaluate at all states. Callers ignore warnings: they see NaN and infinity."""
         if self.at_once:
             try:
-                returned = self.function(t, x, p)
-                return rows_of([returned] if self.scalar else returned, x, self.rows)
+                return self.together(t, x, p)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", self.name, t.size)
         columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
@@ -285,7 +284,10 @@ def slopes_along(
             if how.at_once and np.allclose(again, slope, rtol=1e-9, atol=least):
                 how.joined.add(names)
         return value, slope
-    return joined(z), _differences(joined, z, scales, finer, whole)
+    # truncation of order h^4 and rounding of eps/h are as large
+    steps = RELATIVE * _parts(whole, np.maximum(scales[:, None], abs(z))) / finer[:, None]
+    pairs = zip(whole.T[:, :, None], steps, strict=True)
+    return joined(z), np.stack([shortened(joined, z, *pair, -1) for pair in pairs], axis=1)
 
 
 @quiet
@@ -332,24 +334,6 @@ def _complex_steps(
 def _parts(ways: Array, vectors: Array) -> Array:
     """How much of each way, of which none shares a row with another, is in vectors."""
     return np.asarray((ways / (ways**2).sum(axis=0)).T @ vectors)
-
-
-def _differences(joined: Any, z: Array, scales: Array, finer: Array, ways: Array) -> Array:
-    """Take five-point differences, shorter where they leave the domain of the function or reach
-    over a kink or a jump beside them, as over the end of a flow."""
-    slopes, sizes = [], _parts(ways, np.maximum(scales[:, None], abs(z)))
-    for way, size, divisor in zip(ways.T, sizes, finer, strict=True):
-        slope, uneven = np.array(math.nan), np.array(True)
-        for shorter in (1, 64, 4096):
-            # RELATIVE = eps^(1/5): truncation of order h^4 and rounding of eps/h are as large
-            step = RELATIVE * size / (divisor * shorter)
-            change, even = central(joined, z, way[:, None] * step, -1)
-            slope = np.where(uneven & (even | ~np.isfinite(slope)), change / step, slope)
-            uneven = uneven & ~even
-            if not uneven.any():
-                break
-        slopes.append(slope)
-    return np.stack(slopes, axis=1)
 
 
 def _decide_scheme(joined: Any, z: Array, aside: Array, scales: Array, ways: Array) -> Array | None:

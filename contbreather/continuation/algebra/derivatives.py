@@ -41,8 +41,7 @@ def differences(
 
     Steps are relative to ``max(|z|, scales)`` and divided by `finer`; next to an edge, where a
     step would leave the domain, shorter ones are taken, and with `one_sided` at the edge itself
-    steps to one side; with `own_side` shorter ones, too, where a step reaches over a kink or a jump
-    beside `z`. Along entries in `kinks` the function may have one at `z`: the mean of both
+    steps to one side. Along entries in `kinks` the function may have one at `z`: the mean of both
     sides, each by itself.
     """
     steps = RELATIVE * np.maximum(1.0 if scales is None else scales, abs(z)) / finer
@@ -59,26 +58,39 @@ def differences(
         if i in kinked:
             slopes.append((to_one_side(0.5) + to_one_side(-0.5)) / 2)
             continue
-        column, uneven = np.array(math.nan), np.array(True)
-        for h in (step, step / 64, step / 4096):
+        try:
+            column = shortened(function, z, unit, step, own_side=own_side)
+        except OUT_OF_DOMAIN:
+            if not one_sided:
+                raise
             try:
-                change, even = central(function, z, unit * h)
+                column = to_one_side(1 / 64)
             except OUT_OF_DOMAIN:
-                if h > step / 1000:
-                    continue
-                if not one_sided:
-                    raise
-                try:
-                    column = to_one_side(1 / 64)
-                except OUT_OF_DOMAIN:
-                    column = to_one_side(-1 / 64)
-                break
-            column = np.where(uneven & (even | ~np.isfinite(column)), change / h, column)
-            uneven = uneven & ~even
-            if not (own_side and uneven.any()) and np.isfinite(column).all():
-                break
+                column = to_one_side(-1 / 64)
         slopes.append(column)
     return np.stack(slopes, axis=-1)
+
+
+def shortened(
+    function: Function, z: Array, way: Array, step: Any, alike: int | tuple[()] = (), *,
+    own_side: bool = True,
+) -> Array:  # fmt: skip
+    """Differentiate along a way by a step, and by shorter ones where that leaves the domain; on its
+    `own_side` also each entry whose differences reach over a kink or a jump beside `z`."""
+    slope, uneven = np.array(math.nan), np.array(True)
+    for shorter in (1, 64, 4096):
+        h = step / shorter
+        try:
+            change, even = central(function, z, way * h, alike)
+        except OUT_OF_DOMAIN:
+            if shorter == 4096:
+                raise
+            continue
+        slope = np.where(uneven & (even | ~np.isfinite(slope)), change / h, slope)
+        uneven = uneven & ~even
+        if not (own_side and uneven.any()) and np.isfinite(slope).all():
+            break
+    return slope
 
 
 def directional(function: Function, z: Array, step: Array) -> Array:
@@ -202,16 +214,12 @@ def complex_steps(function: Function, z: Array, columns: Iterable[int] | None = 
     return matrix
 
 
-def choose(
-    function: Function, z: Array, scales: Array, rounding: float = 0.0, *, analytic: bool = True
-) -> Scheme:
+def choose(function: Function, z: Array, scales: Array, rounding: float = 0.0) -> Scheme:
     """Complex steps if they agree with differences at `z`; anything not analytic does not, but for
     `abs` at its kink: that it is not, is told. Values may be off by `rounding` besides the rounding
     of each."""
     wanted, doubt, finer = estimate(function, z, scales, rounding)
     fallback = functools.partial(differences, scales=scales, finer=finer, own_side=True)
-    if not analytic:
-        return fallback
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")

@@ -424,7 +424,8 @@ class Curve:
             aside = z + AHEAD * np.maximum(scales, abs(z))
             self._scheme = derivatives.choose(function, aside, scales)
             if self._scheme is not derivatives.complex_steps:  # by steps that suit this place
-                self._scheme = derivatives.choose(function, z, scales, analytic=False)
+                finer = derivatives.estimate(function, z, scales)[2]
+                self._scheme = partial(self._scheme, finer=finer)
         return self._scheme(function, z, columns)
 
     def forget(self) -> None:
