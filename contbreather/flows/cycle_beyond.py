@@ -130,25 +130,24 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         joined, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
         passed, parts = flights[: len(hit) + 1], [joined.walled([hit]), *rest]
         pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
-    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
-    parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
+    made = _made_of(equations, parts, pieces, turns, p)
     made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
     lasts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
     wall, near = hit[0].until, short / made.start[0].duration
     height = partial(_height, wall, flow, part) if more else partial(_lowest, wall, part, near)
-    margins = height, lasts
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
     if more and not short:  # the rebound, along its way: in a plane the parameter turns there
         row, weight = made.layout.nodes[1 % len(parts)][0], pieces[1 % len(parts)].slopes[0, 0]
-    return _switching(point, made, row, margins if more else margins[::-1], weight)
+    return _switching(point, made, row, (height, lasts), more, weight)
 
 
 def _switching(
-    point: Point, made: FlowEquations, row: Any, margins: Sequence[Margin], weight: Any = 1.0
-) -> SwitchingProblem:
-    """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there."""
+    point: Point, made: FlowEquations, row: Any, margins: tuple[Margin, Margin], more: bool,
+    weight: Any = 1.0,
+) -> SwitchingProblem:  # fmt: skip
+    """Solve for the cycle beyond with unknowns, weighted, or the parameter, as they are there; its
+    margins are those of orbits with a contact less, and with one `more`."""
     curve = Curve(point.curve.problem.of_flows(made, point.params, "cycle"), point.curve.free)
     along = np.zeros(curve.start.size)
     along[row] = weight
@@ -157,7 +156,8 @@ def _switching(
         raise Undefined(
             f"no orbit of the flows that follow there: residual {solution.residual:.2g}"
         )
-    start, (free,), (here, there) = Point(curve, solution.z).problem, curve.free, margins
+    start, (free,) = Point(curve, solution.z).problem, curve.free
+    here, there = margins if more else margins[::-1]
     return _Beyond(start, free, point=point, here=here, there=there, along=along)
 
 
@@ -170,7 +170,6 @@ def _at_edge(point: Point) -> SwitchingProblem:
     equations, orbit, i, p = equations_of(point), point.solution, point.detail["flow"], point.params
     flows, flights, turns = unturned(equations.flows, orbit.flights)
     more, short = "guard" in point.detail, SHORTEST * orbit.period
-    rates = orbit.paces
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
     system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
     assert system
@@ -186,16 +185,14 @@ def _at_edge(point: Point) -> SwitchingProblem:
         pieces.append(flight)
         if more and (new := flow_between(flow, after)):
             edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
-            if abs(edge) < 1e-6 * rates[j][0]:
+            if abs(edge) < 1e-6 * orbit.paces[j][0]:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
-    parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
+    made = _made_of(equations, parts, pieces, turns, p)
     lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
-    margins = facing, lasts
     row = made.layout.lengths[place] if more and least else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
+    return _switching(point, made, row, (facing, lasts), more)
 
 
 def _at_collision(point: Point, guard: str) -> SwitchingProblem:
@@ -209,8 +206,8 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     shrunk = np.flatnonzero([flight.duration < 0.5 * SHORTEST * orbit.period for flight in flights])
     pairs = i in shrunk and not {*shrunk} & {*(shrunk - 1) % len(flights)}
     if pairs and (other := point.curve.problem.exchanged(orbit, shrunk)):
-        made, lasts = _made_of(equations, *other), partial(_contacts, i, 0.0)
-        return _switching(point, made, made.layout.lengths[i], (lasts, lasts))
+        made, lasts = _made_of(equations, *other, turns, p), partial(_contacts, i, 0.0)
+        return _switching(point, made, made.layout.lengths[i], (lasts, lasts), more=True)
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
     else:
@@ -231,19 +228,17 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     else:
         parts[i - 1] = replace(flows[i - 1], until=met.until, reset=met.reset).walled([hit])
         del parts[i], pieces[i]
-    parts = [part.struck(f.last, p) for part, f in zip(parts, pieces, strict=True)]
-    parts[-1] = turned_back(parts[-1], turns)
-    made = _made_of(equations, parts, pieces)
+    made = _made_of(equations, parts, pieces, turns, p)
     ended = i if more else (i - 1) % len(flows) - (i == 0)
     margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
-    return _switching(point, made, row, margins if more else margins[::-1])
+    return _switching(point, made, row, margins, more)
 
 
 def in_other_order(orbit: Any, shrunk: Array) -> tuple[list[Flow], list[TrajectorySegment]] | None:
     """Exchange the impacts that these flows, which last no time, lie between, if each is known as a
     wall of the flow that the other one ends and the state after both is the same either way."""
-    flows, flights, turns = unturned(orbit.equations.flows, orbit.flights)
+    flows, flights, _ = unturned(orbit.equations.flows, orbit.flights)
     for i in shrunk:
         first, second, arrives = flows[i - 1], flows[i], flights[i - 1]
         t, x, a, b = arrives.last, arrives.end[:, None], first.reset, second.reset
@@ -255,18 +250,20 @@ def in_other_order(orbit: Any, shrunk: Array) -> tuple[list[Flow], list[Trajecto
             return None
         flows[i - 1], flows[i] = first.exchanged(second), second.exchanged(first)
         flights[i] = flights[i].resting(alone[:, 0])
-    flows[-1] = turned_back(flows[-1], turns)
     return flows, flights
 
 
 def _made_of(
-    equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment]
-) -> FlowEquations:
-    """Make the cycle of other flows; meshes measure the motion as it is, not as it was where the
-    branch began."""
+    equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
+    turns: Array, p: Any,
+) -> FlowEquations:  # fmt: skip
+    """Make the cycle of other flows, with whole turns taken back; meshes measure the motion as it
+    is, not as it was where the branch began."""
+    parts = [flow.struck(flight.last, p) for flow, flight in zip(flows, flights, strict=True)]
+    parts[-1] = turned_back(parts[-1], turns)
     sizes = sizes_of(flights, equations.units)
     start = tuple(flight.adapted(size) for flight, size in zip(flights, sizes, strict=True))
-    return replace(equations, flows=tuple(flows), start=start, sizes=sizes)
+    return replace(equations, flows=tuple(parts), start=start, sizes=sizes)
 
 
 def _hit(
