@@ -341,8 +341,5 @@ def conservative_events(branch_point: Event) -> tuple[Event, ...]:
     nearest, two = (partial(nearest_to_minus_one, count) for count in (1, 2))
     pd = event_at(-1.0, "PD", nearest, "", count=inverse)
     pd = replace(pd, locus=partial(followed, two), examine=_examine_flip)
-    kc = Event(
-        "KC", _apart, count=_in_order, locus=_collisions,
-        examine=_examine_collision,
-    )  # fmt: skip
+    kc = Event("KC", _apart, count=_in_order, locus=_collisions, examine=_examine_collision)
     return lp, turn, branch_point, pd, kc

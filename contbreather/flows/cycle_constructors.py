@@ -360,9 +360,8 @@ Fit = Callable[[Collocation], tuple[TrajectorySegment, ...]]
 
 
 def _resolved(
-    scheme: Collocation, flows: Sequence[Flow], params: Params, pieces: Sequence[Motion],
-    units: Any,
-) -> list[TrajectorySegment]:  # fmt: skip
+    scheme: Collocation, flows: Sequence[Flow], params: Params, pieces: Sequence[Motion], units: Any
+) -> list[TrajectorySegment]:
     """Fit motions on meshes that follow them, of as many intervals as their equations need."""
 
     def through(scheme: Collocation, meshes: Iterable[Array | None]) -> list[TrajectorySegment]:

@@ -66,10 +66,8 @@ def swing(least: float, point: Point) -> float:
 
 
 def _shrunk(point: Point) -> float:
-    equations = equations_of(base := point.base_point)
-    if not equations.shrinks:
-        return math.nan
-    return _amplitude(equations, base.curve, base.z) - _AT_REST
+    shrinks = equations_of(point.base_point).shrinks
+    return swing(_AT_REST, point) if shrinks else math.nan
 
 
 def examine_swing(least: float, point: Point) -> Examined:

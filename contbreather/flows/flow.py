@@ -204,16 +204,14 @@ class Flow:
 
     def struck(self, t: float, p: Params) -> Flow:
         """Set the clock to the period in which it strikes at a time."""
-        clock = self.until
-        if not isinstance(clock, Clock):
+        if not isinstance(clock := self.until, Clock):
             return self
         number = round(t / value_at(clock.period, p) - value_at(clock.part, p))
         return replace(self, until=replace(clock, number=number))
 
     def later(self, periods: int) -> Flow:
         """Set the clock so many periods later."""
-        clock = self.until
-        if not isinstance(clock, Clock):
+        if not isinstance(clock := self.until, Clock):
             return self
         return replace(self, until=replace(clock, number=clock.number + periods))
 

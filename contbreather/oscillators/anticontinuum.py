@@ -36,6 +36,7 @@ _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, 
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
 _ESCAPED = 10.0  # relative to the same, or to what a drive in resonance leads to
 _ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
+_CALM = 12.0  # over the loss: a time in which swings fall by exp(-6)
 _MOST = 400  # periods after which it has settled, or never will
 _VELOCITIES = (0.3, 0.6, 1.0, 1.6)  # with which a single oscillator sets out, in walls times omega
 _SETTLES, _SETTLED = 60, 0.8  # periods; and the restitution up to which these do
@@ -228,10 +229,10 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     start = size * np.array([(r * np.cos(s)).ravel(), -omega * (r * np.sin(s)).ravel()])
 
     loss = chain.lattice.dampings[one.site] / one.mass * float(chain.damping(0.0, p))
-    settles = loss * period * _MOST > 12.0  # others, as without damping of their own, never do
-    time = period * (math.ceil(12.0 / loss / period) if settles else _MOST)
+    settles = loss * period * _MOST > _CALM  # others, as without damping of their own, never do
+    time = period * (math.ceil(_CALM / loss / period) if settles else _MOST)
     # no swing loses more than the drive does work: up to drive / (loss omega), beside a resonance
-    far = _ESCAPED * max(size, drive / one.mass / omega * time / 12.0)
+    far = _ESCAPED * max(size, drive / one.mass / omega * time / _CALM)
 
     def rates(t: float, y: Array) -> Array:  # what comes too far has escaped, and stays there
         x = y.reshape(start.shape)

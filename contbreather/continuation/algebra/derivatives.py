@@ -281,10 +281,7 @@ def misfit(jacobian: Array, wanted: Array, doubt: Array) -> tuple[int, int] | No
 
 
 def wrong_row(
-    function: Function,
-    z: Array,
-    jacobian: Callable[[Array], Any],
-    direction: Array,
+    function: Function, z: Array, jacobian: Callable[[Array], Any], direction: Array
 ) -> int | None:
     """The row of a derivative that is furthest off what differences tell along a direction.
 

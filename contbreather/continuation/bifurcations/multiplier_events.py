@@ -253,10 +253,7 @@ def _rotation_locus(circle: Border, point: Point) -> DefiningSystem:
             for k, sign, base in ((1, 1.0, "LP"), (2, -1.0, "PD"))
         ),
         *(
-            Event(
-                f"R{k}", partial(_from_angle, k),
-                examine=partial(circle.examine, ("NS",)),
-            )
+            Event(f"R{k}", partial(_from_angle, k), examine=partial(circle.examine, ("NS",)))
             for k in (3, 4)
         ),
         # no value at R1, R2 and R3, where the normal form is another

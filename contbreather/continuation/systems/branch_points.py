@@ -13,13 +13,7 @@ from typing import Any
 import numpy as np
 
 from ...errors import NotConverged
-from ..algebra.linear_algebra import (
-    Bordered,
-    LeastSingular,
-    by_inverses,
-    least_singular,
-    sense,
-)
+from ..algebra.linear_algebra import Bordered, LeastSingular, by_inverses, least_singular, sense
 from ..algebra.newton import FEW, Array, Solution, Undefined, rounding
 from ..algebra.sparse import (
     Dense,
