@@ -301,11 +301,11 @@ class Cycle(HtmlRepr):
         curve it is; empty if it does."""
         why = ""
         if self.equations.condensed:  # of a large flow multipliers are not asked for here
-            off = abs(self.trivial - 1)
+            off, apart = abs(self.trivial - 1), abs(abs(self.others) - 1)
             if off > RESOLVED:
                 why = f"the trivial multiplier is {off:.1g} off 1, "
             # of a double one the square is the error
-            elif on in CRITICAL and (beside := self._beside_circle()) ** 2 > RESOLVED:
+            elif on in CRITICAL and (beside := apart.min(initial=math.inf)) ** 2 > RESOLVED:
                 why = f"of {on} no multiplier is there, the nearest is {beside:.1g} off, "
             elif off <= RESOLVED:
                 return ""
@@ -343,16 +343,11 @@ class Cycle(HtmlRepr):
         """Tell whether errors are those of the mesh, and no rounding."""
         return self.roughest[0] ** 2 > ROUNDING or self.turns_fast
 
-    def _beside_circle(self) -> float:
-        return float(abs(abs(self.others) - 1).min(initial=math.inf))
-
-    def _sizes(self) -> dict[str, float]:
-        ends = {"min": self.min, "max": self.max}
-        return {f"{what}({n})": value for what in ends for n, value in ends[what].items()}
-
     def table(self) -> Sheet:
         rows: list[tuple[str, Any]] = [("period", self.period)]
-        rows += [(name, float(value)) for name, value in {**self.params, **self._sizes()}.items()]
+        rows += [(name, float(value)) for name, value in self.params.items()]
+        for what, extremes in {"min": self.min, "max": self.max}.items():
+            rows += [(f"{what}({name})", value) for name, value in extremes.items()]
         leading = self.multipliers[:12].tolist()  # of a large flow there are many
         rows += [(f"multiplier {i}", mu) for i, mu in enumerate(leading, 1)]
         return Sheet.of(rows)
