@@ -390,22 +390,22 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
         return
     # golden section, unless the sign changes; g^2 = 1 - g: one inner place stays when it shrinks
     golden, left, right = 0.5 * (math.sqrt(5) - 1), places[at - 1], places[at + 1]
-    first, last = size[left], size[right]
     inner, outer = right - golden * (right - left), left + golden * (right - left)
-    low, high = looked(inner), looked(outer)
-    while right - left > _ONE and not samples.changes():
+    while True:
+        four = left, inner, outer, right
+        first, low, high, last = (size[u] if u in size else looked(u) for u in four)
+        if right - left <= _ONE or samples.changes():
+            break
         steepest = max(abs(first - low) / (inner - left), abs(last - high) / (right - outer))
         # no closer than shows that it stays above zero, even if it fell four times as fast inside
         if min(low, high) - 4.0 * steepest * (right - left) > _TOUCH * highest:
             break
         if low < high:
-            right, last, outer, high = outer, high, inner, low
+            right, outer = outer, inner
             inner = right - golden * (right - left)
-            low = looked(inner)
         else:
-            left, first, inner, low = inner, low, outer, high
+            left, inner = inner, outer
             outer = left + golden * (right - left)
-            high = looked(outer)
     u = 0.5 * (left + right)
     if samples.changes() or not _ONE < u < 1 - _ONE:  # at an end it only approaches zero
         return
