@@ -130,7 +130,7 @@ def beyond_contact(point: Point) -> SwitchingProblem:
         joined, *rest = flows[len(hit) :] or [replace(flows[0], until=None, reset=None)]
         passed, parts = flights[: len(hit) + 1], [joined.walled([hit]), *rest]
         pieces = [*_refitted(passed, [start, passed[-1].last]), *flights[len(passed) :]]
-    made = _made_of(equations, parts, pieces, turns, p)
+    made = _made_of(equations, turns, p, parts, pieces)
     made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
     lasts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
@@ -188,7 +188,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
             if abs(edge) < 1e-6 * orbit.paces[j][0]:
                 parts.append(new)
                 pieces += _refitted([flight], [flight.last, flight.last + least])
-    made = _made_of(equations, parts, pieces, turns, p)
+    made = _made_of(equations, turns, p, parts, pieces)
     lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)
     row = made.layout.lengths[place] if more and least else -1
@@ -206,7 +206,7 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     shrunk = np.flatnonzero([flight.duration < 0.5 * SHORTEST * orbit.period for flight in flights])
     pairs = i in shrunk and not {*shrunk} & {*(shrunk - 1) % len(flights)}
     if pairs and (other := point.curve.problem.exchanged(orbit, shrunk)):
-        made, lasts = _made_of(equations, *other, turns, p), partial(_contacts, i, 0.0)
+        made, lasts = _made_of(equations, turns, p, *other), partial(_contacts, i, 0.0)
         return _switching(point, made, made.layout.lengths[i], (lasts, lasts), more=True)
     if more := guard.startswith("walls"):
         hit = dict(zip(reversed(flows[i].guards), reversed(flows[i].walls), strict=False))[guard]
@@ -228,7 +228,7 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     else:
         parts[i - 1] = replace(flows[i - 1], until=met.until, reset=met.reset).walled([hit])
         del parts[i], pieces[i]
-    made = _made_of(equations, parts, pieces, turns, p)
+    made = _made_of(equations, turns, p, parts, pieces)
     ended = i if more else (i - 1) % len(flows) - (i == 0)
     margins = partial(_height, hit[0].until, ended, 1.0), partial(_contacts, i + more, 0.0)
     row = made.layout.lengths[i + 1] if more else -1
@@ -254,8 +254,8 @@ def in_other_order(orbit: Any, shrunk: Array) -> tuple[list[Flow], list[Trajecto
 
 
 def _made_of(
-    equations: FlowEquations, flows: Sequence[Flow], flights: Sequence[TrajectorySegment],
-    turns: Array, p: Any,
+    equations: FlowEquations, turns: Array, p: Any, flows: Sequence[Flow],
+    flights: Sequence[TrajectorySegment],
 ) -> FlowEquations:  # fmt: skip
     """Make the cycle of other flows, with whole turns taken back; meshes measure the motion as it
     is, not as it was where the branch began."""
