@@ -398,7 +398,9 @@ class Filippov:
 
     # --- what `integrate` asks: a mode is a flow, but on which side sliding ends is known there
 
-    def begin(self, t: float, x: Array, p: Params) -> int:
+    def begin(self, t: float, x: Array, p: Params, first: int = _PLUS) -> int:
+        if slid_along(self.flows[first]):
+            return first  # rounding may have moved it off the surface
         for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
             check_function(name, getattr(self, name), shape, t, x, p)
         h = float(self.h(t, x, p))

@@ -41,11 +41,10 @@ class _InTurn:
     which comes next."""
 
     flows: tuple[Flow, ...]
-    first: int
 
-    def begin(self, t: float, x: Array, p: Params) -> int:
-        self.flows[self.first].check(t, x, p)
-        return self.first
+    def begin(self, t: float, x: Array, p: Params, first: int) -> int:
+        self.flows[first].check(t, x, p)
+        return first
 
     def follow(
         self, mode: int, guard: int, t: float, x: Array, p: Params
@@ -217,7 +216,7 @@ def integrate(
         How many events to go.
     t0 : float
     first : int
-        The flow in which the start lies.
+        The flow in which the start lies; `Filippov` asks the state, unless it slides, 2 or 3.
     tolerance : float
         Relative, of a step; 1e-12 by default, 1e-13 of a conservative breather.
     method : str
@@ -255,10 +254,10 @@ def integrate(
         raise BadInput("a start x0 and params are needed, of all but a periodic orbit")
     period = 2 * math.pi if period is None else period
     path: _InTurn | Filippov | tuple[Flow, ...] = flows_of(flows, period)
-    if isinstance(path, tuple):
-        if whole("first", first, 0) >= len(path):
-            raise BadInput(f"first = {first}: there are {len(path)} flows, counted from 0")
-        path = _InTurn(path, first)
+    count = len(path if isinstance(path, tuple) else path.flows)
+    if whole("first", first, 0) >= count:
+        raise BadInput(f"first = {first}: there are {count} flows, counted from 0")
+    path = _InTurn(path) if isinstance(path, tuple) else path
     named = isinstance(x0, Mapping)
     state = row("the start", list(x0.values()) if named else x0, "a number for each state")
     if perturb is not None:
@@ -287,7 +286,7 @@ def integrate(
     tolerance = 1e-12 if tolerance is None else tolerance
     tolerance = number("tolerance", tolerance, 3e-14, 1e-2, "from 3e-14 to 1e-2")
     walk = _Integration(path, params, tolerance, method, whole("steps", steps, 1))
-    return walk.run(t0, state, end, most, names)
+    return walk.run(t0, state, end, most, names, first)
 
 
 def flows_of(flows: Any, period: Any) -> Any:
@@ -315,11 +314,11 @@ class _Integration:
     taken: int = 0
 
     def run(
-        self, t: float, x: Array, end: float, most: float, names: tuple[str, ...]
+        self, t: float, x: Array, end: float, most: float, names: tuple[str, ...], first: int
     ) -> Trajectory:
         pieces: list[Piece] = []
         events: list[GuardCrossing] = []
-        mode = self.path.begin(t, x, self.params)
+        mode = self.path.begin(t, x, self.params, first)
         while len(events) < most and t < end:
             flow, number = self.path.flows[mode], mode
             times, states, dense, guard = self.piece(mode, t, x, end)

@@ -104,6 +104,20 @@ def test_a_start_on_the_surface_is_sorted_by_its_fields() -> None:
     assert begins == [2, 1, 0]
 
 
+def test_a_start_that_slides_stays_so_where_rounding_has_moved_it_off_the_surface() -> None:
+    """Along y = sin x / 4, which is curved, at 2e-10 above it: it does not fall onto it."""
+
+    def side(sign: int) -> Any:
+        return lambda t, x, p: [1.0 - x[0], -float(sign)]
+
+    held = cb.Filippov(side(1), side(-1), lambda t, x, p: x[1] - np.sin(x[0]) / 4)
+    run = cb.integrate(held, {"x": 0.0, "y": 2e-10}, {}, time=3.0, first=2)
+    assert [piece.flow for piece in run.pieces] == [held.to_plus]
+    assert run.final[0] == pytest.approx(1 - math.exp(-3), abs=1e-11)
+    with pytest.raises(cb.BadInput, match="first = 4: there are 4 flows"):
+        cb.integrate(held, {"x": 0.0, "y": 0.0}, {}, time=3.0, first=4)
+
+
 def test_a_surface_that_both_fields_leave_is_refused() -> None:
     apart = cb.Filippov(lambda t, x, p: [1.0], lambda t, x, p: [-1.0], lambda t, x, p: x[0])
     with pytest.raises(cb.BadInput, match="both fields point away from the surface"):
