@@ -213,7 +213,10 @@ def _at_collision(point: Point, guard: str) -> SwitchingProblem:
     else:
         hit = flows[i - 1], flows[i]
     if callable(hit) or not hit[1:]:
-        raise Undefined(f"{_UNKNOWN}give those up to the wall and behind it, walls=([up, behind],)")
+        reason = "give those up to the wall and behind it, walls=([up, behind],)"
+        if not callable(hit):
+            reason = "its reset moves the state as another flow ends: orbits do not go over"
+        raise Undefined(f"{_UNKNOWN}{reason}")
     met = hit[1].struck(flights[i].last, p)
     if more:
         known = all(_ends(of, flights[i], 1.0, p) for of in (hit[0].until, met.until))

@@ -214,3 +214,20 @@ def test_a_spike_that_is_forgotten_until_the_clock_strikes_has_no_fold_that_is_n
     line = cb.boundary(late, ("A", "I"), within={"A": (0, 2)})
     assert line.first("VI-GR")["I"] == pytest.approx(1 + line.first("VI-GR")["A"])  # x' = x'' = 0
     assert not any("nan" in point.detail["reason"] for point in line.doubtful)
+
+
+def test_two_cells_that_fire_at_once_and_inhibit_each_other_go_on_in_no_order() -> None:
+    """The second alone comes from 0 to 1 in ln 3, from 0.9 in ln 6/5: S1 = (31/30) (18/13)."""
+
+    def both(t: Any, x: Any, p: Any) -> Any:
+        return [p["S1"] - x[0], 1.5 - x[1]]
+
+    one = cb.Flow(both, lambda t, x, p: 1 - x[0], lambda t, x, p: [0 * x[0], x[1] - 0.1])
+    two = cb.Flow(both, lambda t, x, p: 1 - x[1], lambda t, x, p: [x[0] - 0.1, 0 * x[1]])
+    flows = [one.walled([(two,)]), two.walled([(one,)])]
+    mesh = cb.Collocation(intervals=3, points=4)
+    cells = cb.cycle(flows, {"x": 0.7, "y": 0.0}, {"S1": 1.44}, settle=9, collocation=mesh)
+    end = cb.trace(cells, "S1", within={"S1": (1.42, 1.45)}, towards="down").first("GR")
+    assert end["S1"] == pytest.approx(93 / 65, rel=1e-9)
+    with pytest.raises(NothingToSwitch, match="its reset moves the state as another flow ends"):
+        cb.switch(end)
