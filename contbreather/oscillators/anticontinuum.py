@@ -156,8 +156,15 @@ def half_without_coupling(
         if not (math.isfinite(real(value)) and real(value)):
             raise BadInput(f"site {site}: {value!r} was given; 1, -1 or an amplitude is expected.")
         x[site] = SingleOscillator(chain, site, p).amplitude(real(value), p["omega"])
-    half = math.pi / p["omega"]
-    flight = fitted(scheme, 0.0, half, chain.run((0.0, half), x, {**p, SHARE: 0.0}).sol)
+    half, without = math.pi / p["omega"], {**p, SHARE: 0.0}
+    with np.errstate(all="ignore"):  # no coupling, however little, leads from beyond a pole
+        known = np.isfinite(chain.energy(x, without))
+    if not known:
+        raise NoSolution(
+            f"{brief(code)}: without coupling |u| is {abs(x).max():.6g}, which stretches a bond to "
+            f"where W = {chain.W} is not finite; take an omega at which the sites swing less."
+        )
+    flight = fitted(scheme, 0.0, half, chain.run((0.0, half), x, without).sol)
     return (), (flight,), 0.0
 
 

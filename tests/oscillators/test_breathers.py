@@ -382,6 +382,14 @@ def test_a_potential_is_one_formula_in_its_variable(given, says) -> None:
         cb.Oscillators(**{"V": HARD, "W": LINEAR, "lattice": cb.Ring(5), **given})
 
 
+@pytest.mark.parametrize("W", ["c*((1 - r)**(5/2)*2/5 + r)", "-c*log(1 - r**2)/2"])
+def test_sites_that_stretch_a_bond_beyond_a_pole_are_refused_at_once(W) -> None:
+    """A hard site of omega = 1.5 swings by 1.3, and both potentials end at r = 1."""
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W=W, lattice=cb.Ring(5))
+    with pytest.raises(cb.NoSolution, match=r"W = .* is not finite"):
+        cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.01})
+
+
 def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Grid(2, 3))
     with pytest.raises(cb.BadInput, match="params has 'bb', which is in no formula"):
