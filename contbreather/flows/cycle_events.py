@@ -46,7 +46,8 @@ from .rounds import REPEATS, RETURNS
 
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _LOOKS = 16  # around it
-FLAT = 3e-3  # and on a curve of folds, where the fourth power of it is to be told from rounding
+_CLOSER = 8  # steps of Newton's iteration from the mean of an orbit to the equilibrium in it
+FLAT = 5e-3  # and on a curve of folds, where rounding over its square moves one along the curve
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -74,33 +75,58 @@ def examine_swing(least: float, point: Point) -> Examined:
     """Refuse an orbit that is large, and only has nothing of the first one's way: what is small
     turns as the linear equations have it, x' = J x, but for the square of its size."""
     orbit: Cycle = point.base_point.solution
-    place, s = orbit.equations.linearised(orbit.x, orbit.params), np.arange(_LOOKS) / _LOOKS
-    rounds = [first := orbit.flights[0].at(s)]
-    same = REPEATS * np.ptp(first, axis=1).max()
-    while orbit.mirror and len(rounds) < RETURNS:  # of a half, or a smaller part, the whole
-        image = values(orbit.mirror, orbit.flights[0].last, rounds[-1], place.params)
-        if abs(image - first).max() <= same:
-            break
-        rounds.append(image)
-    # a reset leads from the end of a part to its beginning: it comes to those before
-    states, period = np.hstack([first, *rounds[:0:-1]]), len(rounds) * orbit.period
+    states, parts = _around(orbit)
     turns = np.fft.fft(states)
     times = 1 + int(np.linalg.norm(turns[:, 1 : _LOOKS // 2], axis=0).argmax())
-    turn, center = turns[:, times], states.mean(axis=1)[:, None]
-    derivative = slopes(orbit.equations.flows[0].f, 0.0, center, place.params)[1]
-    along = derivative[:, : turn.size, 0] @ turn
-    turned = 2j * math.pi * times / period * turn
+    turn = turns[:, times]
+    along = _slopes_at(orbit, states.mean(axis=1))[1] @ turn
+    turned = 2j * math.pi * times / (parts * orbit.period) * turn
     square = np.vdot(turned, turned).real
     small = np.linalg.norm(along - turned) <= least * math.sqrt(square)
     # it grows, along folds, by the fourth power of its size
     return "" if small and abs(np.vdot(turned, along).imag) <= FLAT * square else NOTHING
 
 
+def _around(orbit: Cycle) -> tuple[Array, int]:
+    """States around an orbit, and how many parts it has, each the mirror image of the one before."""
+    rounds = [first := orbit.flights[0].at(np.arange(_LOOKS) / _LOOKS)]
+    same = REPEATS * np.ptp(first, axis=1).max()
+    while orbit.mirror and len(rounds) < RETURNS:  # of a half, or a smaller part, the whole
+        image = values(orbit.mirror, orbit.flights[0].last, rounds[-1], orbit.params)
+        if abs(image - first).max() <= same:
+            break
+        rounds.append(image)
+    # a reset leads from the end of a part to its beginning: it comes to those before
+    return np.hstack([first, *rounds[:0:-1]]), len(rounds)
+
+
+def _slopes_at(orbit: Cycle, x: Array) -> tuple[Array, Array]:
+    """Evaluate the field and its derivative in the states."""
+    rate, slope = slopes(orbit.equations.flows[0].f, 0.0, x[:, None], orbit.params)
+    return rate[:, 0], slope[:, : x.size, 0]
+
+
+def _nonlinear_swing(point: Point) -> float:
+    """Estimate the swing at which all terms are as large, by that of a fold and the growth beside
+    the equilibrium inside it, per radian: the fourth power of how much smaller it is."""
+    orbit, size = point.solution, abs(swing(0.0, point))
+    states, parts = _around(orbit)
+    x = states.mean(axis=1)
+    with suppress(*OUT_OF_DOMAIN), np.errstate(all="ignore"):  # of most that are large
+        for _ in range(_CLOSER):
+            rate, matrix = _slopes_at(orbit, x)
+            x = x - np.linalg.lstsq(matrix, rate)[0]
+        rates = np.linalg.eigvals(matrix)
+        rate = rates[abs(rates - 2j * math.pi / (parts * orbit.period)).argmin()]
+        return size / float(abs(rate.real / rate)) ** 0.25
+    return size
+
+
 def _examine_generalised(point: Point) -> Examined:
     """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
     of A dp/dA."""
-    # its pace is off by the square of its size, in units of its smallest state
-    if reason := examine_swing(math.sqrt(FLAT), point):
+    # its pace is off by the square of its size, perhaps in a smaller unit
+    if reason := examine_swing(FLAT**0.25, point):
         return reason
     curve, equations = point.base_point.curve, equations_of(point.base_point)
     left = _amplitude(equations, curve, z := point.z)
@@ -157,8 +183,11 @@ def _examine_fold(point: Point) -> Examined:
 
 def _fold_locus(point: Point) -> DefiningSystem:
     assert _PLAIN.locus is not None
-    locus, ends = _PLAIN.locus(point), equations_of(point).shrinks
-    return replace(locus, events=(*locus.events, _GENERALISED)) if ends else locus
+    locus = _PLAIN.locus(point)
+    if not equations_of(point).shrinks:
+        return locus
+    ends = replace(_GENERALISED, test=partial(swing, FLAT * _nonlinear_swing(point)))
+    return replace(locus, events=(*locus.events, ends))
 
 
 _PLAIN = fold()

@@ -10,7 +10,7 @@ import pytest
 import contbreather as cb
 from contbreather.flows import Collocation
 
-from .zoo import CASES, FHN, RADIUS, born, fitzhugh_nagumo, half_turned, van_der_pol
+from .zoo import CASES, FHN, RADIUS, born, fitzhugh_nagumo, half_turned, told, van_der_pol
 
 TAU = 2 * math.pi
 FEW = Collocation(intervals=8)
@@ -195,10 +195,9 @@ def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes(off: float)
     place = {"eps": eps, "I": (v + 0.7) / 0.8 - v + v**3 / 3}
     assert [at.kind for at in line.special] == ["EP", "GH"]
     assert "the folds end at a generalised Hopf point" in line.reason
-    said = dict(part.split(" = ") for part in line.reason.split(", ")[1:])
-    assert {name: float(value) for name, value in said.items()} == pytest.approx(place, abs=1e-7)
-    for name, value in place.items():
-        assert line[-1][name] == pytest.approx(value, abs=2e-5)
+    assert told(line[-1]) == pytest.approx(place, abs=1e-7)
+    for name, value in place.items():  # of the last orbit, which is off by the square of its size
+        assert line[-1][name] == pytest.approx(value, abs=1e-4)
 
 
 # --- what has none ----------------------------------------------------------------------------

@@ -61,6 +61,12 @@ def cycle(flows: Any, start: Mapping[str, float], params: Mapping[str, float], *
     return lambda: cb.cycle(flows, start=dict(start), params=dict(params), **more)
 
 
+def told(end: Any) -> dict[str, float]:
+    """Place that the last orbit of a curve of folds tells of its generalised Hopf point."""
+    pairs = (part.split(" = ") for part in end.detail["said"].split(", ")[1:])
+    return {name: float(value) for name, value in pairs}
+
+
 def born(rest: Any, free: str, window: tuple[float, float], **within: Any) -> cb.Branch:
     """The cycles that leave the Hopf point of an equilibrium, within its window or these."""
     hopf = cb.trace(rest, free, within={free: window}).first("HB")
