@@ -88,7 +88,7 @@ def examine_swing(least: float, point: Point) -> Examined:
 
 
 def _around(orbit: Cycle) -> tuple[Array, int]:
-    """States around an orbit, and how many parts it has, each the mirror image of the one before."""
+    """States around an orbit, and of how many parts: each the mirror image of the one before."""
     rounds = [first := orbit.flights[0].at(np.arange(_LOOKS) / _LOOKS)]
     same = REPEATS * np.ptp(first, axis=1).max()
     while orbit.mirror and len(rounds) < RETURNS:  # of a half, or a smaller part, the whole
