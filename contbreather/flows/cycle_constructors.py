@@ -486,11 +486,18 @@ def _refuse_family(problem: Problem, near: float, error: Exception | None = None
             family = least_singular(curve.balanced(curve.jacobian(problem.x))).lost
         if family and abs(others - 1).min(initial=math.inf) <= near:
             second = "a second multiplier" if orbit.equations.autonomous else "a multiplier"
+            why = (
+                "it is one of a family, as where energy is conserved, or more (conserves=), or "
+                "a sum of states, held by (total - it) added to the rate of one of them"
+            )
+            if orbit.equations.conservation:
+                why = (
+                    "more is conserved (conserves=), or you mean another orbit: start nearer to it"
+                )
             raise NotConverged(
                 f"the orbit of period {orbit.period:.6g} there cannot be continued, as {second} is "
-                "1: it is one of a family, as where energy is conserved, or more (conserves=), or "
-                "a sum of states, held by (total - it) added to the rate of one of them; or at a "
-                f"bifurcation (take other parameters){_unforced(orbit.equations)}",
+                f"1: {why}; or it is at a bifurcation (take other parameters)"
+                f"{_unforced(orbit.equations)}",
                 residual=float(abs(left).max()),
             ) from error
 

@@ -516,8 +516,9 @@ def test_a_wave_that_a_symmetry_only_shifts_along_itself_conserves_one_quantity(
 
 
 def test_a_family_in_something_more_than_the_energy_is_refused_where_it_starts() -> None:
-    """Its branch had one point, and MX, where the norm was not given."""
-    with pytest.raises(cb.NotConverged, match="a second multiplier is 1: it is one of a family"):
+    """Its branch had one point, and MX, where the norm was not given; and it was said to be one of
+    a family, as where energy is conserved, which was given."""
+    with pytest.raises(cb.NotConverged, match="a second multiplier is 1: more is conserved"):
         dimer((2.0, 1.0, 0.0, 0.0))
 
 
