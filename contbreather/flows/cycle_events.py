@@ -18,6 +18,7 @@ import numpy as np
 
 from ..continuation.algebra.derivatives import RELATIVE, directional
 from ..continuation.algebra.newton import OUT_OF_DOMAIN, Array
+from ..continuation.algebra.sparse import shortest
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import linked, unresolved
 from ..continuation.curve.curve import Curve
@@ -115,7 +116,7 @@ def _nonlinear_swing(point: Point) -> float:
     with suppress(*OUT_OF_DOMAIN), np.errstate(all="ignore"):  # of most that are large
         for _ in range(_CLOSER):
             rate, matrix = _slopes_at(orbit, x)
-            x = x - np.linalg.lstsq(matrix, rate)[0]
+            x = x - shortest(matrix, rate)
         rates = np.linalg.eigvals(matrix)
         rate = rates[abs(rates - 2j * math.pi / (parts * orbit.period)).argmin()]
         return size / float(abs(rate.real / rate)) ** 0.25

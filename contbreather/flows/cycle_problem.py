@@ -261,12 +261,13 @@ class Cycle(HtmlRepr):
         if self.equations.sparse:
             return False
         most = self.flights[0].scheme.points ** 2
-        for piece in self.equations.linearised(self.x, self.params).linear:
-            rates = piece.slopes.rates
-            large = rates[np.einsum("jab,jab->j", rates, rates) > most]  # no eigenvalue is larger
-            # each by itself: many that turn slowly do not turn fast together
-            if large.size and (np.linalg.eigvals(large) ** 2).real.min() < -most:
-                return True
+        with suppress(Undefined):  # beside an orbit that all but leaves the domain
+            for piece in self.equations.linearised(self.x, self.params).linear:
+                rates = piece.slopes.rates
+                large = rates[np.einsum("jab,jab->j", rates, rates) > most]  # no eigenvalue is more
+                # each by itself: many that turn slowly do not turn fast together
+                if large.size and (np.linalg.eigvals(large) ** 2).real.min() < -most:
+                    return True
         return False
 
     @cached_property

@@ -140,6 +140,8 @@ class _Passage:
             if self.surface:
                 h, slope = slopes(self.surface, 0.0, x[:, None], self.orbit.params)
                 rows, off = np.vstack([matrix, slope[:, : x.size, 0]]), np.vstack([velocity, h])
+            if not np.isfinite(rows).all():  # beyond its domain
+                return None
             step = np.linalg.lstsq(rows, off[:, 0])[0]  # some states may always stay
             x, size = x - step, float(np.linalg.norm(step / sizes))
             # where there is none they wander about, and may come to another one by chance

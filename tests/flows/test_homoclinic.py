@@ -435,3 +435,21 @@ def test_where_states_are_counted_from_says_nothing_about_whether_an_orbit_rests
     rest = cb.equilibrium(canard, {"a": 11.2, "b": 10.624}, {"u": 1.2})
     ducks = born(rest, "u", (0.5, 1.3), u=(0.5, 1.3), period=(0, 210))
     assert ducks[-1]["period"] == 210
+
+
+@pytest.mark.slow
+def test_a_homoclinic_orbit_at_the_edge_of_the_domain_is_told_in_silence(capfd) -> None:
+    """Of prey that herds, eaten as its square root: below zero there is none, nor a derivative.
+    LAPACK wrote a line for each NaN, and the branch was lost with an error."""
+
+    def herd(t, x, p):
+        eaten = np.sqrt(x[0]) * x[1]
+        return [x[0] * (1 - x[0]) - eaten, eaten / 2 - p["s"] * x[1]]
+
+    rest = cb.equilibrium(herd, {"x": 0.4, "y": 0.4}, {"s": 0.3})
+    hopf = cb.trace(rest, "s", within={"s": (0.25, 0.4)}).first("HB")
+    assert hopf["s"] == pytest.approx(1 / math.sqrt(12))
+    (cycles,) = cb.switch(hopf, within={"s": (0.25, 0.4)})
+    assert cycles[-1].kind == "HOM"
+    assert "saddle x = 1, y = 0" in cycles.reason
+    assert "DLASCL" not in "".join(capfd.readouterr())

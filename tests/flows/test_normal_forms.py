@@ -200,6 +200,21 @@ def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes(off: float)
         assert line[-1][name] == pytest.approx(value, abs=1e-4)
 
 
+def test_folds_around_a_place_where_there_is_no_field_are_followed_in_silence(capfd) -> None:
+    """Of r' = r (mu - (sqrt(r^2 - 0.1) - s)^2): LAPACK wrote a line for each NaN at its mean."""
+
+    def ring(t, u, p):
+        square = u[0] ** 2 + u[1] ** 2
+        growth = p["mu"] - (np.sqrt(square - 0.1) - p["s"]) ** 2
+        return [growth * u[0] - u[1], growth * u[1] + u[0]]
+
+    orbit = cb.cycle(ring, {"x": 1.3, "y": 0.0}, {"mu": 0.3, "s": 1.0}, settle=60, collocation=FEW)
+    fold = cb.trace(orbit, "mu", within={"mu": (-1, 0.4)}, towards="down").first("LP")
+    line = cb.boundary(fold, ("mu", "s"), within={"s": (0.9, 1.1)})
+    assert line["mu"] == pytest.approx(0.0, abs=1e-9)
+    assert "DLASCL" not in "".join(capfd.readouterr())
+
+
 # --- what has none ----------------------------------------------------------------------------
 
 
