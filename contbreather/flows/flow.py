@@ -399,12 +399,11 @@ class Filippov:
     # --- what `integrate` asks: a mode is a flow, but on which side sliding ends is known there
 
     def begin(self, t: float, x: Array, p: Params, first: int = _PLUS) -> int:
-        if slid_along(self.flows[first]):
-            return first  # rounding may have moved it off the surface
         for name, shape in {"f_plus": (x.size,), "f_minus": (x.size,), "h": ()}.items():
             check_function(name, getattr(self, name), shape, t, x, p)
         h = float(self.h(t, x, p))
-        if abs(h) > 1e-12 * (1 + abs(x).max()):  # of the surface, relative to the state
+        # of the surface, relative to the state: a motion along it may have been known less exactly
+        if abs(h) > (1e-8 if slid_along(self.flows[first]) else 1e-12) * (1 + abs(x).max()):
             return _PLUS if h > 0 else _MINUS
         return self._from_surface(t, x, p)
 

@@ -216,7 +216,7 @@ def integrate(
         How many events to go.
     t0 : float
     first : int
-        The flow in which the start lies; `Filippov` asks the state, unless it slides, 2 or 3.
+        The flow in which the start lies; `Filippov` asks the state: 2 or 3 say that it slides.
     tolerance : float
         Relative, of a step; 1e-12 by default, 1e-13 of a conservative breather.
     method : str

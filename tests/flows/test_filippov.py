@@ -114,6 +114,8 @@ def test_a_start_that_slides_stays_so_where_rounding_has_moved_it_off_the_surfac
     run = cb.integrate(held, {"x": 0.0, "y": 2e-10}, {}, time=3.0, first=2)
     assert [piece.flow for piece in run.pieces] == [held.to_plus]
     assert run.final[0] == pytest.approx(1 - math.exp(-3), abs=1e-11)
+    above = cb.integrate(held, {"x": 0.0, "y": 0.7}, {}, time=3.0, first=2)  # that does fall
+    assert [piece.flow for piece in above.pieces] == [held.flows[0], held.to_plus]
     with pytest.raises(cb.BadInput, match="first = 4: there are 4 flows"):
         cb.integrate(held, {"x": 0.0, "y": 0.0}, {}, time=3.0, first=4)
 
