@@ -421,7 +421,11 @@ def _closed(
         # next to PD returns are close by turns, and that after two periods may be the closest
         equations = once(equations, flights, params)
         equations = replace(equations, start=_adapted(equations.start, equations.units))
-    closed: Any = problem_at(equations).solve(tolerance=1e-12)[0]
+    closed: Any = problem_at(equations)
+    try:
+        closed = closed.solve(tolerance=1e-12)[0]
+    except NotConverged:  # below what rounding leaves where a field jumps
+        closed = closed.solve(tolerance=_SOLVED)[0]
     with suppress(NotConverged, Undefined):
         while closed.coarse() and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]

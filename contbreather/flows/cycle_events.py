@@ -48,7 +48,8 @@ from .rounds import REPEATS, RETURNS
 _AT_REST = 1e-5  # an orbit that swings by this, relative to its size, ends at an equilibrium
 _LOOKS = 16  # around it
 _CLOSER = 8  # steps of Newton's iteration from the mean of an orbit to the equilibrium in it
-FLAT = 5e-3  # and on a curve of folds, where rounding over its square moves one along the curve
+FLAT = 3e-3  # and where the fourth power of it is to be told from rounding
+_FOLDED = 5e-3  # and on a curve of folds, where rounding over its square moves one along the curve
 
 
 # --- where a cycle shrinks to an equilibrium ---------------------------------------------------
@@ -68,8 +69,8 @@ def swing(least: float, point: Point) -> float:
 
 
 def _shrunk(point: Point) -> float:
-    shrinks = equations_of(point.base_point).shrinks
-    return swing(_AT_REST, point) if shrinks else math.nan
+    equations = equations_of(base := point.base_point)
+    return _amplitude(equations, base.curve, base.z) - _AT_REST if equations.shrinks else math.nan
 
 
 def examine_swing(least: float, point: Point) -> Examined:
@@ -127,7 +128,7 @@ def _examine_generalised(point: Point) -> Examined:
     """The end of a curve of folds, and where that is: the parameters are off by c A^2, so by half
     of A dp/dA."""
     # its pace is off by the square of its size, perhaps in a smaller unit
-    if reason := examine_swing(FLAT**0.25, point):
+    if reason := examine_swing(_FOLDED**0.25, point):
         return reason
     curve, equations = point.base_point.curve, equations_of(point.base_point)
     left = _amplitude(equations, curve, z := point.z)
@@ -139,7 +140,7 @@ def _examine_generalised(point: Point) -> Examined:
 
 
 _SHRUNK = Event("HB", _shrunk, examine=partial(examine_swing, _AT_REST), ends="branch")
-_GENERALISED = Event("GH", partial(swing, FLAT), examine=_examine_generalised, ends="branch")
+_GENERALISED = Event("GH", partial(swing, _FOLDED), examine=_examine_generalised, ends="branch")
 
 
 # --- where a multiplier is 1 --------------------------------------------------------------------
@@ -187,7 +188,7 @@ def _fold_locus(point: Point) -> DefiningSystem:
     locus = _PLAIN.locus(point)
     if not equations_of(point).shrinks:
         return locus
-    ends = replace(_GENERALISED, test=partial(swing, FLAT * _nonlinear_swing(point)))
+    ends = replace(_GENERALISED, test=partial(swing, _FOLDED * _nonlinear_swing(point)))
     return replace(locus, events=(*locus.events, ends))
 
 

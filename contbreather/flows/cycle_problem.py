@@ -261,13 +261,16 @@ class Cycle(HtmlRepr):
         if self.equations.sparse:
             return False
         most = self.flights[0].scheme.points ** 2
-        with suppress(Undefined):  # beside an orbit that all but leaves the domain
-            for piece in self.equations.linearised(self.x, self.params).linear:
-                rates = piece.slopes.rates
-                large = rates[np.einsum("jab,jab->j", rates, rates) > most]  # no eigenvalue is more
-                # each by itself: many that turn slowly do not turn fast together
-                if large.size and (np.linalg.eigvals(large) ** 2).real.min() < -most:
-                    return True
+        try:
+            pieces = self.equations.linearised(self.x, self.params).linear
+        except Undefined:  # beside an orbit that all but leaves the domain
+            return False
+        for piece in pieces:
+            rates = piece.slopes.rates
+            large = rates[np.einsum("jab,jab->j", rates, rates) > most]  # no eigenvalue is larger
+            # each by itself: many that turn slowly do not turn fast together
+            if large.size and (np.linalg.eigvals(large) ** 2).real.min() < -most:
+                return True
         return False
 
     @cached_property
@@ -302,11 +305,11 @@ class Cycle(HtmlRepr):
         curve it is; empty if it does."""
         why = ""
         if self.equations.condensed:  # of a large flow multipliers are not asked for here
-            off, apart = abs(self.trivial - 1), abs(abs(self.others) - 1)
+            off = abs(self.trivial - 1)
             if off > RESOLVED:
                 why = f"the trivial multiplier is {off:.1g} off 1, "
             # of a double one the square is the error
-            elif on in CRITICAL and (beside := apart.min(initial=math.inf)) ** 2 > RESOLVED:
+            elif on in CRITICAL and (beside := self._beside_circle()) ** 2 > RESOLVED:
                 why = f"of {on} no multiplier is there, the nearest is {beside:.1g} off, "
             elif off <= RESOLVED:
                 return ""
@@ -344,11 +347,16 @@ class Cycle(HtmlRepr):
         """Tell whether errors are those of the mesh, and no rounding."""
         return self.roughest[0] ** 2 > ROUNDING or self.turns_fast
 
+    def _beside_circle(self) -> float:
+        return float(abs(abs(self.others) - 1).min(initial=math.inf))
+
+    def _sizes(self) -> dict[str, float]:
+        ends = {"min": self.min, "max": self.max}
+        return {f"{what}({n})": value for what in ends for n, value in ends[what].items()}
+
     def table(self) -> Sheet:
         rows: list[tuple[str, Any]] = [("period", self.period)]
-        rows += [(name, float(value)) for name, value in self.params.items()]
-        for what, extremes in {"min": self.min, "max": self.max}.items():
-            rows += [(f"{what}({name})", value) for name, value in extremes.items()]
+        rows += [(name, float(value)) for name, value in {**self.params, **self._sizes()}.items()]
         leading = self.multipliers[:12].tolist()  # of a large flow there are many
         rows += [(f"multiplier {i}", mu) for i, mu in enumerate(leading, 1)]
         return Sheet.of(rows)

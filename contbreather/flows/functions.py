@@ -100,7 +100,8 @@ class _Calling:
         """Evaluate at all states. Callers ignore warnings: they see NaN and infinity."""
         if self.at_once:
             try:
-                return self.together(t, x, p)
+                returned = self.function(t, x, p)
+                return rows_of([returned] if self.scalar else returned, x, self.rows)
             except Exception:  # noqa: BLE001 - the loop below finds the state and raises there
                 _LOG.debug("%s raised at one of %d states", self.name, t.size)
         columns = [at_state(self.function, *at, p) for at in zip(t, x.T, strict=True)]
