@@ -209,6 +209,13 @@ class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
         params = point.params
         return Orbit(self.motion_at(point.x, self.ties(params)), params["omega"], params)
 
+    def domain_along(self, free: tuple[str, ...]) -> Mapping[str, tuple[float, float]]:
+        omega = self.params["omega"]
+        slow, fast = self.domain["omega"] if "omega" in free else (omega, omega)
+        tied = self.ties.domain.items()
+        ends = {n: (low * slow ** POWERS[n], high * fast ** POWERS[n]) for n, (low, high) in tied}
+        return {**self.domain, **ends}
+
     @property
     def walker(self) -> Any:  # type: ignore[override]
         return self.base.walker

@@ -287,19 +287,40 @@ def test_a_branch_ends_where_a_harmonic_comes_to_the_band():
     # of the band [0, 2 sqrt(gamma)]; single steps end at gamma/omega^2 = 0.2499, others later
     assert branch["omega"][-1] == pytest.approx(2 * math.sqrt(0.1), abs=2e-4)
     assert "harmonic 1 of the drive, omega = 0.632" in branch.reason
-    # and in the units of whoever asked, along gamma too
+    # and in the units of whoever asked, with springs too
     driven = cb.symmetric(0.3, 0.2, 0.8, omega=1.2, spring=0.1)
-    free = {"events": (), "inadmissible": True, "towards": "up"}
-    ended = cb.trace(driven, "gamma", within={"gamma": (0, 1)}, **free)
-    assert ended["gamma"].max() == pytest.approx((1.44 - 0.1) / 4, rel=1e-3)
-    assert "omega = 1.2, comes to the band of the lattice, 0.316228 to 1.199" in ended.reason
-    assert "at gamma = 0.33" in ended.reason
+    free = {"events": (), "inadmissible": True, "towards": "down"}
+    ended = cb.trace(driven, "omega", within={"omega": (0.2, 2)}, **free)
+    assert ended["omega"].min() == pytest.approx(math.sqrt(0.9), rel=1e-3)
+    assert "comes to the band of the lattice, 0.316228 to 0.9486" in ended.reason
+    assert "at gamma = 0.2, spring = 0.1" in ended.reason
     # and not where the drive is below the band, though a ring has no such coupling
     held = cb.symmetric(0.5, 0.08, 0.7, omega=0.6, spring=0.5, damping=0.1, lattice=cb.Ring(2))
-    below = cb.trace(held, "omega", within={"omega": (0.2, 1)}, **free | {"towards": "down"})
+    below = cb.trace(held, "omega", within={"omega": (0.2, 1)}, **free)
     assert below.reason == (
         "in the unit of time in which omega is 1, gamma = 0.2499 leaves its domain, 0 to 0.2499"
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "free"),
+    [("chain", "gamma"), ("chain with springs", "spring"), ("ring", "gamma"), ("ring", "damping")],
+)
+def test_a_curve_at_a_frequency_ends_at_the_domain_as_that_of_the_scaled_problem(name, free):
+    unit = 1.2 ** POWERS[free]
+    own, scaled = (
+        cb.trace(orbit, free, towards="both", events=(), inadmissible=True)
+        for orbit in driven(name, 1.2)
+    )
+    ends = [(point.label, pytest.approx(unit * point[free])) for point in scaled.special]
+    assert [(point.label, point[free]) for point in own.special] == ends
+    assert [label for label, _ in ends] == ["EP1", "EP2"]
+
+
+def test_a_boundary_in_the_frequency_and_the_coupling_ends_where_there_is_none():
+    line = cb.boundary(along_omega(0.9, 0.05, False).first("PF"), ("omega", "gamma"))
+    assert (line[-1].label, line[-1]["gamma"]) == ("EP1", 0.0)
+    assert line.reason == "the domain of gamma ends at 0"
 
 
 # --- runs, zones, commands ------------------------------------------------------------------------

@@ -377,6 +377,10 @@ class Problem(Structure):
             scales={n: size for n, size in self.scales.items() if n not in functions},
         )  # fmt: skip
 
+    def domain_along(self, free: tuple[str, ...]) -> Mapping[str, tuple[float, float]]:
+        """The domain of curves along which these parameters change."""
+        return self.domain
+
     def check_names(self, names: Iterable[str]) -> None:
         for name in names:
             if name not in self.start and name not in self.params:

@@ -405,7 +405,7 @@ def extended(
         {**problem.start, **locus.extra, released: problem.params[released]},
         {name: value for name, value in problem.params.items() if name != released},
         domain={
-            **problem.domain,
+            **problem.domain_along(base.free),
             **{n: d for n, d in locus.domain.items() if n in base.free or n in locus.extra},
         },
         scales={**sizes, **problem.scales},

@@ -102,7 +102,7 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
             f"value: events=[cb.user({name!r}, value, terminal=True)]"
         )
     problem.check_names(name for name in wanted if name not in totals)
-    bounds, domains = [], windows(problem.domain)
+    bounds, domains = [], windows(problem.domain_along(curve.free))
     for name in {**domains, **wanted}:
         low, high = wanted.get(name, (-math.inf, math.inf))
         domain = domains.get(name, (-math.inf, math.inf))

@@ -548,7 +548,7 @@ class ContinuationIterator:
             return towards or self.curve.unlike_scales(point.z)
         for bound in self.way.bounds if stop is Stop.BOUND else ():
             value = bound.value(point.z)
-            for edge in self.curve.problem.domain.get(bound.name, ()):
+            for edge in self.curve.problem.domain_along(self.curve.free).get(bound.name, ()):
                 if math.isclose(value, edge, rel_tol=EXACT):
                     return f"the domain of {bound.name} ends at {value:g}"
         return ""
