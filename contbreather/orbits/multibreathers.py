@@ -179,9 +179,10 @@ def _single(site: int, orbit: Any, on: Conditions) -> Single:
     elif not np.allclose(
         _under(orbit.representation.conditions, orbit.section.hit[0]), _under(on, site)
     ):
+        own = "".join(f", {name} = {on.at_sites(name, site):g}" for name in PER_SITE)
         raise BadInput(
             f"site {site}: {orbit!r} was given; one of the same a, k, damping, spring and forcing "
-            f"is expected, a = {on.a}, k = {on.k} and {on.forcing.describe()}, say."
+            f"is expected, a = {on.a}{own} and {on.forcing.describe()}, say."
         )
     return site, orbit
 

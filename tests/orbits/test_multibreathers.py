@@ -152,6 +152,8 @@ def test_an_orbit_of_other_parameters_stands_for_no_site() -> None:
         with pytest.raises(cb.BadInput, match="one of the same a, k, damping, spring and forcing"):
             cb.multibreather({0: alone}, lattice=cb.Ring(9), **AT)
     alone = cb.symmetric(0.5, 0.0, 0.8)
+    with pytest.raises(cb.BadInput, match=r"k = 0\.8, damping = 0\.02, spring = 0 and F"):
+        cb.multibreather({0: alone}, lattice=cb.Ring(9), damping=0.02, **AT)
     half = cb.Lattice(cb.OpenChain(2).stiffness, drive=[0.5, 1.0])
     two = cb.multibreather({0: alone, 1: "upper"}, a=1.0, gamma=0.0, k=0.8, lattice=half)
     assert abs(two.times - alone.times[0]).min() < 1e-9
