@@ -526,12 +526,16 @@ def _by_chance(orbit: Cycle, i: int, until: Function, ended: Function) -> bool:
         return np.asarray(slopes(function, before.last, x, p, tuple(p))[1][..., 0])
 
     own, other = gradient(until, orbit.flights[i].states[0][:, None])[0], gradient(ended, x)[0]
+    terms = own
     if flow.reset is not None:
         n = orbit.flights[i].dimension
-        own = own[:n] @ gradient(flow.reset, x) + np.append(np.zeros(m), own[n:])
+        lands, rest = gradient(flow.reset, x), np.append(np.zeros(m), own[n:])
+        # these cancel where a reset that forgets all lands on it, whatever the parameters
+        terms = abs(own[:n]) @ abs(lands) + abs(rest)
+        own = own[:n] @ lands + rest
     rate = own[: m + 1] @ np.append(values(flow.f, before.last, x, p)[:, 0], 1.0)
     across = own - other * (own @ other) / (other @ other)
-    least = 1e-6 * np.linalg.norm(own)
+    least = 1e-6 * np.linalg.norm(terms)
     # or the reset forgets all, and lands where parameters say
     passes = abs(rate) > least or np.linalg.norm(own[: m + 1]) <= least
     return bool(np.linalg.norm(across) > least and passes)

@@ -298,3 +298,30 @@ def test_a_wall_that_is_zero_where_a_condition_of_small_numbers_is_does_not_end_
         return [point["F"] for point in cb.trace(orbit, "F", within={"F": (4.0, 8.0)}).special]
 
     assert traced(lambda t, x, p: x[0]) == pytest.approx(traced(), abs=1e-9)
+
+
+def test_a_runner_whose_leg_lands_at_full_length_touches_nothing_there() -> None:
+    """The reset forgets the state and lands on the condition of the flow that follows, whatever the
+    parameters: derivatives cancel. PD is where the return map, integrated by scipy, has -1."""
+
+    def leg(t: Any, x: Any, p: Any) -> Any:
+        length = np.sqrt(x[0] ** 2 + x[1] ** 2)
+        return [x[2], x[3], 20 * x[0] * (1 / length - 1), 20 * x[1] * (1 / length - 1) - 1]
+
+    def lands(t: Any, x: Any, p: Any) -> Any:
+        angle = p["angle"]
+        faster = np.sqrt(2 * (2.3 - np.sin(angle)) / (x[2] ** 2 + x[3] ** 2))
+        return [-np.cos(angle), np.sin(angle), faster * x[2], faster * x[3]]
+
+    stance = cb.Flow(leg, until=lambda t, x, p: 1 - x[0] ** 2 - x[1] ** 2)
+    flight = cb.Flow(
+        lambda t, x, p: [x[2], x[3], 0.0, -1.0],
+        until=lambda t, x, p: x[1] - np.sin(p["angle"]),
+        reset=lands,
+        ignore=0.1,
+    )
+    start = {"x": -0.4387, "y": 0.8986, "u": 1.6661, "v": -0.1672}
+    runner = cb.cycle([stance, flight], start, {"angle": 1.117})
+    branch = cb.trace(runner, "angle", within={"angle": (1.117, 1.16)})
+    assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
+    assert branch.first("PD")["angle"] == pytest.approx(1.14945514, abs=1e-8)
