@@ -50,6 +50,13 @@ def simulated_orbit(
                 return _hybrid(run, begin, length, RETURNS if settle else 1, angles)
             begin = t + wait["time"], ran.final - angles.turns(ran.final), first
         alone = _clear_of(flows, first)
+        guards = [values(g, begin[0], begin[1][:, None], params) for g in alone.guards.values()]
+        if any((guard < 0).any() for guard in guards):
+            raise NotConverged(
+                f"the motion of flow {first} does not come to its end any more, and is behind the "
+                "condition of another flow with its field: give this to flow "
+                f"{first} as one of its walls, and start where it is not met"
+            )
         run = partial(_run, (alone,), params, [])
     if length is not None:
         return (alone,), [_forced(alone, run, begin, length, RETURNS if settle else 1, angles)]

@@ -194,6 +194,17 @@ def test_a_motion_that_settles_clear_of_its_conditions_has_them_as_walls() -> No
     assert touched["s"] == pytest.approx(amplitude(ON["c"], ON["w"]), rel=1e-9)
 
 
+def test_a_motion_that_passes_a_wall_its_flow_does_not_know_is_refused_with_that() -> None:
+    """A ball in a box that is hit at one wall twice in a row goes through it, and away."""
+
+    def pushed(t: Any, x: Any, p: Any) -> Any:
+        return [x[1], 2 * np.sin(t)]
+
+    ball = [cb.Flow(pushed, until=wall, reset=rebound) for wall in (right, left)]
+    with pytest.raises(cb.NotConverged, match="behind the condition of another flow"):
+        cb.cycle(ball, {"x": 0.0, "v": 1.0}, {"s": 1.0, "k": 0.6}, period=TAU, settle=30)
+
+
 def test_a_motion_that_never_leaves_a_surface_is_refused() -> None:
     def side(sign: int) -> Any:
         return lambda t, x, p: [x[1], -x[0] + 0.1 * np.cos(t) - 0.5 * sign]
