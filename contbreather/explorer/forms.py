@@ -29,10 +29,11 @@ TEXTS = ("forcing", "lattice", "walls", "path")  # fields of words, also where t
 
 
 def number_or_text(typed: str) -> Any:
-    """Read a number as it was typed; what is none the library refuses, and says what it wants."""
-    for read in (int, float):
-        with suppress(ValueError):
-            return read(typed)
+    """Read a number, whole ones as such however typed ("1e5"); what is none the library refuses,
+    and says what it wants."""
+    with suppress(ValueError):
+        value = float(typed)
+        return int(value) if value.is_integer() else value
     return typed
 
 

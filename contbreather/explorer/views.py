@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from textwrap import wrap
 from typing import Any
 from unicodedata import lookup
@@ -45,7 +46,7 @@ MARKS = {
     "<": "y", ">": "square_pin", "d": "diamond_dot", "8": "hex_dot",
 }  # fmt: skip
 ACROSS, UP = 0.12, 0.07  # parts of a figure that a word takes
-WIDE, NARROW = 53, 33  # letters of a title in a line, of the zones and of the multipliers
+LETTER = 7.5  # pixels of a title that one takes
 FARTHEST = 4.0  # from 0, where multipliers are still drawn
 DASHES = {branches.STABLE: "solid", branches.UNSTABLE: "dashed", branches.BEYOND: "dotted",
           branches.UNKNOWN: "dashdot"}  # fmt: skip
@@ -63,12 +64,20 @@ def _fill(source: ColumnDataSource, rows: Iterable[Any]) -> None:
     source.data = {name: [row[i] for row in every] for i, name in enumerate(source.column_names)}
 
 
-def _title(words: str, letters: int) -> str:
-    """Break words into lines, not within "k = 0.8", at least two: of a title that has more of them
-    than the one before Bokeh leaves the old one behind it."""
-    tied = words.replace(" = ", "\xa0=\xa0")
+def _say(fig: Any, words: str) -> None:
+    """Put words above a figure, in lines that it has room for, not broken within "k = 0.8", at
+    least two: of a title that has more of them than the one before Bokeh leaves the old one behind
+    it."""
+    tied, letters = words.replace(" = ", "\xa0=\xa0"), int(fig.tags[0] / LETTER)
     lines = wrap(tied, letters, max_lines=3, placeholder=" \N{HORIZONTAL ELLIPSIS}") or [""]
-    return "\n".join(lines if lines[1:] else ("", *lines)).replace("\xa0", " ")
+    text = "\n".join(lines if lines[1:] else ("", *lines)).replace("\xa0", " ")
+    fig.title.update(text=text, tags=[words])
+
+
+def _fit(fig: Any, attr: str, old: int, new: int) -> None:
+    """Break the title of a figure anew, whose axes come to be that wide, in pixels."""
+    fig.tags = [max(new, LETTER)]
+    _say(fig, fig.title.tags[0])
 
 
 def letter(name: str) -> str:
@@ -79,10 +88,11 @@ def letter(name: str) -> str:
         return name
 
 
-def _sheet(theme: Theme, x: str, y: str, height: int | None, title: str = "") -> Any:
+def _sheet(
+    theme: Theme, x: str, y: str, height: int | None, title: str = "", width: int = 400
+) -> Any:
     fig: Any = figure(
-        title=_title(title, WIDE), height=height, sizing_mode="stretch_width", x_axis_label=x,
-        y_axis_label=y,
+        tags=[width], height=height, sizing_mode="stretch_width", x_axis_label=x, y_axis_label=y,
         tools="pan,wheel_zoom,box_zoom,reset,save", toolbar_location="right",
         x_range=Range1d(start=0.0, end=1.0), y_range=Range1d(start=0.0, end=1.0), min_border=4,
         background_fill_color=theme.paper, border_fill_color=theme.paper,
@@ -90,6 +100,8 @@ def _sheet(theme: Theme, x: str, y: str, height: int | None, title: str = "") ->
     )  # fmt: skip
     fig.toolbar.update(logo=None, autohide=True)
     fig.title.update(text_color=theme.text, text_font_size="13px")
+    fig.on_change("inner_width", partial(_fit, fig))  # as a browser draws it
+    _say(fig, title)
     for axis in (*fig.xaxis, *fig.yaxis):
         axis.update(
             axis_label_text_color=theme.text, axis_label_text_font_size="14px",
@@ -198,7 +210,7 @@ class ZonesView:
             words += f"; {_at(wanted.fixed) if elsewhere else 'another lattice'} is being computed"
         elif drawn is not None and orbit is not None and here != model_in_words(orbit):
             words += f"; chosen: {model_in_words(orbit)}"
-        self.figure.title.text = _title(words, WIDE)
+        _say(self.figure, words)
 
     def boundaries(self, curves: Iterable[Branch], drawn: Zones) -> None:
         name, value = drawn.fixed
@@ -271,7 +283,7 @@ class BranchView:
         _fill(self.lines, lines)
         _fill(self.key, self._entries(colours, styles))
         self.figure.xaxis.axis_label, self.figure.yaxis.axis_label = letter(x), letter(y)
-        self.figure.title.text = _title(shared if curves else "no branch yet", WIDE)
+        _say(self.figure, shared if curves else "no branch yet")
         for axis, at in ((self.figure.x_range, 0), (self.figure.y_range, 1)):
             _reach(axis, (v for row in lines for v in row[at]))
         _fill(self.special, _named(self.figure, marks))
@@ -346,7 +358,7 @@ class OrbitView:
         for source in vars(self).values():
             if isinstance(source, ColumnDataSource):
                 _fill(source, [])
-        self.figure.title.text = _title(why or self.empty, NARROW)
+        _say(self.figure, why or self.empty)
 
 
 class ProfileView(OrbitView):
@@ -374,7 +386,7 @@ class ProfileView(OrbitView):
             "n": n.astype(float), "u": orbit.displacement(n, first),
             "low": u.min(axis=1), "high": u.max(axis=1),
         }  # fmt: skip
-        self.figure.title.text = f"at the impact, t = {first:.4g}, and over the period"
+        _say(self.figure, f"at the impact, t = {first:.4g}, and over the period")
         _reach(self.figure.x_range, [n[0] - 0.5, n[-1] + 0.5])
         _reach(self.figure.y_range, [*walls, *u.min(axis=1), *u.max(axis=1)])
 
@@ -400,7 +412,7 @@ class MotionView(OrbitView):
         size, there = orbit.lattice.sites, watched(orbit, sites)
         times = _moments(orbit)
         u = orbit.displacement(np.array(there)[:, None], times)
-        self.figure.title.text = _title(verdict, WIDE)
+        _say(self.figure, verdict)
         colours = self._draw({n: (times, its) for n, its in zip(there, u, strict=True)})
         hits = impacts_of(orbit, there)
         _fill(self.hits, ((time, wall, colours[site]) for site, time, wall in hits))
@@ -414,7 +426,7 @@ class MotionView(OrbitView):
         self._draw({n: with_impacts(record.times, u, run, n) for n, u in columns})
         self._bound([wall for n in record.sites for wall in run.conditions.walls.at(n)])
         count = len(run.impacts)
-        self.figure.title.text = f"{name}: {run.periods} periods, {count} impacts; {outcome}"
+        _say(self.figure, f"{name}: {run.periods} periods, {count} impacts; {outcome}")
 
     def _draw(self, by_site: dict[int, tuple[Array, Array]]) -> dict[int, str]:
         colours = self.theme.colours(by_site)
@@ -450,7 +462,7 @@ class MultipliersView(OrbitView):
     empty = "multipliers"
 
     def __init__(self, theme: Theme) -> None:
-        self.figure = fig = _sheet(theme, "Re μ", "Im μ", None, title=self.empty)
+        self.figure = fig = _sheet(theme, "Re μ", "Im μ", None, title=self.empty, width=250)
         self.theme = theme
         fig.update(sizing_mode="fixed", align="center", width=340, height=340)
         # what the axes and the title need, so that the frame is a square and a circle one
@@ -474,7 +486,7 @@ class MultipliersView(OrbitView):
         largest = float(np.abs(mu).max(initial=0.0))
         beyond = f"; one at |μ| = {largest:.4g}" if largest > FARTHEST else ""
         about = f"over {'half a' if orbit.symmetric else 'a'} period, {finite.lattice.describe()}"
-        self.figure.title.text = _title(f"{about}{beyond}", NARROW)
+        _say(self.figure, f"{about}{beyond}")
         reach = 1.1 * min(max(1.15, largest), FARTHEST)
         for axis in (self.figure.x_range, self.figure.y_range):
             _bounded(axis, -reach, reach)

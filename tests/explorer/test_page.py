@@ -162,10 +162,12 @@ def test_a_story_with_the_buttons(page: Page) -> None:
     press(page, "Trace this boundary")
     assert page.shown.options == ["branch1", "arms2[0]", "arms2[1]", "line3"]
     assert len(page.zones.traced.data["xs"]) == 1
-    page.forms.length["periods"].value = "3"
+    page.forms.length["periods"].value = "3.0"
     press(page, "Simulate from here")
     assert page.run_card.visible
-    assert page.run.figure.title.text.startswith("run4: 3 periods, 6 impacts")
+    assert page.run.figure.title.text.strip().startswith("run4: 3 periods, 6 impacts")
+    assert "periods=3, " in page.explorer.script()
+    assert page.explorer.message.startswith("3 periods on the ring of 400")
 
 
 def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
@@ -469,7 +471,8 @@ def test_a_simulation_as_it_is_offered_confirms_the_verdict(page: Page, texts: A
     away = np.abs(run.strobe.u - there.state()[0]).max(axis=1)
     assert away.max() < 10.0 * push
     assert away[-1] < push
-    assert f"{away[-1]:.2g} from the breather" in page.run.figure.title.text
+    said = page.run.figure.title.text.replace("\n", " ")
+    assert f"{away[-1]:.2g} from the breather" in said
     assert page.forms.length["sites"].value == str(on.sites)
     assert page.forms.length["sites"].disabled == (orbit.lattice.sites is not None)
 

@@ -92,10 +92,17 @@ def test_the_title_says_what_is_shown_and_what_is_on_its_way(diagram: Any) -> No
         assert (" ".join(lines).strip(), len(lines)) == (words, 2)
 
 
-def test_a_long_title_is_not_broken_within_a_value() -> None:
+def test_a_title_has_the_width_of_its_figure_and_is_not_broken_within_a_value() -> None:
+    """On a phone those of a breather and of a simulation were cut off at the right."""
     words = "open chain with free ends, 5 sites, damping = 0.02, k = 0.8"
-    lines = views._title(words, views.WIDE).split("\n")
-    assert (" ".join(lines), lines[1]) == (words, "k = 0.8")
+    view = views.MotionView(LIGHT)
+    views._say(view.figure, words)
+    assert view.figure.title.text.split("\n")[1] == "k = 0.8"
+    for width, longest in ((240, 32), (1000, 133), (0, 1)):  # 0 where it is hidden
+        view.figure.trigger("inner_width", 400, width)
+        lines = view.figure.title.text.strip().split("\n")
+        assert max(map(len, lines)) <= longest
+        assert " ".join(lines) == words or not width
 
 
 def test_a_branch_is_drawn_as_in_print_with_a_word_at_each_special_point(branch: Any) -> None:
@@ -195,7 +202,7 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
         ends = [view.figure.x_range.start, view.figure.x_range.end]
         assert rows(view.walls, "xs", "ys") == [(ends, [wall, wall]) for wall in (-1.0, 1.0)]
         view.run("run1", run, "periodic")
-    assert view.figure.title.text == "run1: 2 periods, 4 impacts; periodic"
+    assert view.figure.title.text.strip() == "run1: 2 periods, 4 impacts; periodic"
     for sites, there in (((0, 3, 40), (0, 3)), ((-1,), (-1,)), ((40,), (0,))):
         view.show(B.on(cb.Ring(10)), sites, "")
         assert view.lines.data["site"] == [f"site {n}" for n in there]
