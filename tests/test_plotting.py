@@ -252,6 +252,21 @@ def test_values_for_whose_words_there_is_no_room_leave_the_axes_large(names: tup
     )
 
 
+def test_a_legend_of_zones_in_axes_of_ones_own_is_off_their_curves_and_title(diagram: Zones):
+    """In a column of a journal it lay on all of them."""
+    from matplotlib.figure import Figure
+
+    ax = Figure(figsize=(3.4, 2.6), layout="constrained").subplots()
+    plots.plot(diagram, ax=ax)
+    ax.figure.draw_without_rendering()
+    box = ax.get_legend().get_window_extent()
+    (title,) = ax.findobj(lambda one: getattr(one, "get_text", str)() == ax.get_title("left"))
+    assert not box.overlaps(title.get_window_extent())
+    for curve in ax.get_lines():
+        path = curve.get_transform().transform_path(curve.get_path())
+        assert not path.intersects_bbox(box, filled=False)
+
+
 def test_legends_in_axes_of_ones_own_are_whole_and_off_other_panels() -> None:
     from matplotlib.figure import Figure
 

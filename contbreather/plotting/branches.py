@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -150,11 +149,14 @@ def _fitting_legend(
     axes: Axes, pixel: float, key: dict[Any, str], styles: set[str], looks: Any, coloured: bool
 ) -> float:
     """Draw a legend of as many groups as leave room for their words; return its share above."""
+    from matplotlib.lines import Line2D
+
     plain = canvas.text_colour(axes)
     unknown = plain if coloured else GREY
     for most in range(MANY - 1, -1, -1):
-        entries = _legend_entries(key, styles, plain, unknown, most)
-        above = _legend(axes, pixel, entries | looks)
+        entries = _legend_entries(key, styles, plain, unknown, most) | looks
+        handles = [Line2D([], [], **look) for look in entries.values()]
+        above = canvas.fitting_legend(axes, pixel, handles, list(entries), frameon=False)
         if above < 1 / 3 or not key:
             break
     return above
@@ -423,38 +425,6 @@ def _legend_entries(
             colour = unknown if style == UNKNOWN else plain
             entries[stability] = {"color": colour, "linestyle": style}
     return entries
-
-
-def _legend(ax: Axes, pixel: float, entries: dict[str, dict[str, Any]]) -> float:
-    """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
-    in as many columns as fit, or where no layout makes room there inside all the same: the part of
-    the height of the figure that it takes."""
-    from matplotlib.lines import Line2D
-
-    if not entries:
-        return 0.0
-    handles = [Line2D([], [], **look) for look in entries.values()]
-    look = {"frameon": False, "handlelength": 2.2, "fontsize": canvas.legend_size(ax)}
-    legend = partial(ax.legend, handles, list(entries), **look)
-    if len(entries) < len(CYCLE):
-        inside = legend(loc="best")
-        if not canvas.ink_of(ax, pixel)(inside.get_window_extent()):
-            return 0.0
-    whole, spec = ax.figure.bbox, ax.get_subplotspec()
-    room = whole.width * (len(spec.colspan) / spec.get_gridspec().ncols if spec else 1.0)
-    if fixed := ax.figure.get_layout_engine() is None:  # nothing makes room for it
-        room = ax.bbox.width
-    for columns in (3, 2, 1):
-        above = legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
-        size = above.get_window_extent()
-        if size.width < room:
-            break
-    others = [other.bbox for other in ax.figure.axes if other is not ax]
-    if fixed and (size.y1 > whole.y1 or size.count_overlaps(others)):
-        inside = legend(loc="best", ncols=columns)
-        inside.set_frame_on(True)  # words are read off the curves that it covers
-        size = inside.get_window_extent()
-    return float(size.height / whole.height)
 
 
 def _words(ax: Axes, pixel: float, marks: Iterable[Marker], branches: int) -> list[Any]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import cache
+from functools import cache, partial
 from io import StringIO
 from pathlib import Path
 from string import digits
@@ -217,6 +217,37 @@ def legend_above(axes: Any, **more: Any) -> None:
                              bbox_to_anchor=(1.0, 0.97), **look)  # fmt: skip
         if legend.get_window_extent().width <= axes.bbox.width:
             break
+
+
+def fitting_legend(
+    ax: Axes, pixel: float, handles: Sequence[Any], names: Sequence[str], **more: Any
+) -> float:
+    """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
+    in as many columns as fit, or where no layout makes room there inside all the same: the part of
+    the height of the figure that it takes."""
+    if not names:
+        return 0.0
+    look = {"handlelength": 2.2, "fontsize": legend_size(ax), **more}
+    legend = partial(ax.legend, handles, names, **look)
+    inside = legend(loc="best")
+    if len(names) < len(CYCLE) and not ink_of(ax, pixel)(inside.get_window_extent()):
+        return 0.0
+    over = (ax.get_tightbbox().y1 - ax.bbox.y0) / ax.bbox.height  # above the title, too
+    whole, spec = ax.figure.bbox, ax.get_subplotspec()
+    room = whole.width * (len(spec.colspan) / spec.get_gridspec().ncols if spec else 1.0)
+    if fixed := ax.figure.get_layout_engine() is None:  # nothing makes room for it
+        room = ax.bbox.width
+    for columns in (3, 2, 1):
+        above = legend(loc="lower center", bbox_to_anchor=(0.5, over), ncols=columns)
+        size = above.get_window_extent()
+        if size.width < room:
+            break
+    others = [other.bbox for other in ax.figure.axes if other is not ax]
+    if fixed and (size.y1 > whole.y1 or size.count_overlaps(others)):
+        inside = legend(loc="best", ncols=columns)
+        inside.set_frame_on(True)  # words are read off the curves that it covers
+        size = inside.get_window_extent()
+    return float(size.height / whole.height)
 
 
 def save_figure(figure: Figure | Artist | Sequence[Any], path: str | Path) -> Path:

@@ -220,7 +220,7 @@ def _shade(ax: Axes, regions: Sequence[Region]) -> None:
 
 
 def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
-    """Name the lines: below the panels of an own figure, else inside the first panel."""
+    """Name the lines: below the panels of an own figure, else inside the first panel or above."""
     drawn: dict[str, Any] = {}
     for panel in panels:
         drawn |= dict(zip(*reversed(panel.get_legend_handles_labels()), strict=True))
@@ -232,8 +232,8 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
             handles, labels, loc="outside lower center", ncols=2, frameon=False, handlelength=2.8
         )
     else:
-        panels[0].legend(handles, labels, loc="best", handlelength=2.6, framealpha=0.9,
-                         facecolor="white", labelcolor=BLACK)  # fmt: skip
+        pixel, white = canvas.lay_out(panels[0]), {"facecolor": "white", "labelcolor": BLACK}
+        canvas.fitting_legend(panels[0], pixel, handles, labels, handlelength=2.6, **white)
 
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
