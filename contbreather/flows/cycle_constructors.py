@@ -429,6 +429,11 @@ def _closed(
     with suppress(NotConverged, Undefined):
         while closed.coarse() and closed.start["mesh"].size <= _MOST_INTERVALS:
             closed = closed.halved().solve(tolerance=1e-12)[0]
+    orbit = cycle_of(closed)
+    single = once(orbit.equations, orbit.flights, params)
+    if single.turns != orbit.equations.turns:  # only a mesh that resolves it tells
+        closed = problem_at(replace(single, start=_adapted(single.start, single.units)))
+        closed = closed.solve(tolerance=1e-12)[0]
     _refuse_passed(cycle_of(closed))
     # of a family rounding may lead Newton's iteration to a member far from the start
     _refuse_family(closed, _SOLVED)

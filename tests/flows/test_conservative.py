@@ -577,6 +577,27 @@ def test_an_orbit_of_a_family_that_goes_around_twice_is_also_one_of_half_the_per
     assert single.start["energy"] == pytest.approx(0.75)
 
 
+def test_the_mode_of_a_double_pendulum_is_one_turn_of_the_nine_that_are_found() -> None:
+    """Where two frequencies are as 4 to 9 motions return after nine turns of the mode, which a
+    coarse mesh takes for unlike each other."""
+
+    def energy(x, p):
+        c = np.cos(x[0] - x[1])
+        kinetic = (x[2] ** 2 + 2 * x[3] ** 2 - 2 * x[2] * x[3] * c) / (4 - 2 * c**2)
+        return kinetic - 2 * np.cos(x[0]) - np.cos(x[1])
+
+    def pendulum(t, x, p):
+        c, s, (u, v) = np.cos(x[0] - x[1]), np.sin(x[0] - x[1]), x[2:]
+        square = 2 - c**2
+        pull = s * (u * v * square - c * (u**2 + 2 * v**2 - 2 * u * v * c)) / square**2
+        falls = [-2 * np.sin(x[0]) - pull, pull - np.sin(x[1])]
+        return [(u - v * c) / square, (2 * v - u * c) / square, *falls]
+
+    start = {"a": 0.2, "b": -0.2 * np.sqrt(2), "u": 0.0, "v": 0.0}
+    mode = cb.cycle(pendulum, start, {}, conserves=energy)
+    assert mode.params["period"] == pytest.approx(32.7488983414 / 9, abs=1e-9)
+
+
 def test_a_mode_with_a_node_is_followed() -> None:
     """Three masses between walls, the middle one at rest but for rounding, by which no step can be
     measured: each other one is a Duffing oscillator u'' = -2 u - 2 u^3."""
