@@ -197,6 +197,7 @@ def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
     return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25)
 
 
+@pytest.mark.slow
 def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
     mass, orbit = rocked(0.02)
     within = {"B": (0.36, 0.5)}
@@ -332,6 +333,7 @@ def moving() -> cb.Branch:
     return cb.trace(orbit, "a", within={"a": (0.7, 1.5)}, events=(), towards="both")
 
 
+@pytest.mark.slow
 def test_where_the_surface_is_left_for_as_long_as_counts_as_none_is_followed(moving: Any) -> None:
     lost = moving.special[0]
     line = cb.boundary(lost, ("a", "mu"), within={"mu": (0.9, 1.1)}, towards="both")

@@ -235,6 +235,7 @@ def test_an_orbit_clear_of_its_condition_is_one_of_a_flow_with_that_wall() -> No
     assert hits[-1]["period"] == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_contact_begins_and_another_one_where_two_crests_are_alike() -> None:
     """What follows cos 2t + b cos t reaches r/sqrt(r^2 + 4) twice where b = 0: the curves on which
     one crest comes to the stop end there, whether the other one is in contact or not."""

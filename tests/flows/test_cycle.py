@@ -483,6 +483,7 @@ def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> 
     assert [last["A"], last["I"]] == pytest.approx([A, 1 + A], abs=2e-4)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_touch_ends_where_that_comes_to_the_beginning_of_its_flow() -> None:
     """A mass moored by a line that only pulls: at the inflection it is on the line, x = 0, without
     velocity and acceleration. Beyond only VI solves the equations of the touch."""
@@ -588,6 +589,7 @@ def test_a_branch_of_cycles_is_kept_in_a_file_and_goes_to_another_process(tmp_pa
     assert orbit[0].duration == pytest.approx(TAU)
 
 
+@pytest.mark.slow
 def test_no_sentence_suggests_an_unknown_of_the_collocation() -> None:
     """A circle of radius 1 / mu: what grows is the orbit, whose window no user could tell."""
 
@@ -930,6 +932,7 @@ def _cycle_with_followers():
     return cb.cycle(_followed, start, {"c": 2.5}, settle=300)
 
 
+@pytest.mark.slow
 def test_what_follows_changes_nothing_where_the_first_orbit_measures_no_phase_any_more() -> None:
     """A walk that is set up anew may be in phase with its start, to rounding."""
     branch = cb.trace(_cycle_with_followers(), "c", within={"c": (1.5, 4.5)})
@@ -937,6 +940,7 @@ def test_what_follows_changes_nothing_where_the_first_orbit_measures_no_phase_an
     assert branch["c"][[0, -1]].tolist() == [1.5, 4.5]
 
 
+@pytest.mark.slow
 def test_loaded_points_are_in_the_phase_that_they_were_walked_in(tmp_path) -> None:
     """Wherever the walk began: each on a curve of which it is a solution, where others set out."""
     orbit = _cycle_with_followers()
@@ -1010,6 +1014,7 @@ def test_folds_close_where_they_come_back_to_their_first_orbit_in_another_phase(
     assert once == pytest.approx(2 * np.pi, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_arms_close_where_they_come_back_to_their_branch_point_in_another_phase() -> None:
     """Two neurons that are alike and fire together begin not to, by ever more, up to half a period
     and on to a whole one; a mirror image of itself, this has each event twice."""
@@ -1088,6 +1093,7 @@ def test_a_swing_that_dies_out_is_rest_up_to_where_it_is_pumped(settle: float) -
     assert branch.first("PD")["a"] == pytest.approx(brentq(doubled, 0.3, 0.5), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_parameter_that_rests_turns_back_nowhere() -> None:
     """At b = 1 every current comes back after two strokes of the clock: rounding moves b."""
     rises = cb.Flow(lambda t, x, p: [1 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])

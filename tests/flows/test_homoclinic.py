@@ -310,6 +310,7 @@ def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
     assert not branch.doubtful
 
 
+@pytest.mark.slow
 def test_a_period_that_falls_to_zero_comes_to_no_equilibrium() -> None:
     """A neuron that each spike excites further: at d = -0.1 this outweighs the leak, and it fires
     ever faster, far from where it is at rest."""
@@ -325,6 +326,7 @@ def test_a_period_that_falls_to_zero_comes_to_no_equilibrium() -> None:
     assert not branch.doubtful
 
 
+@pytest.mark.slow
 def test_folds_end_at_a_homoclinic_orbit_in_two_parameters() -> None:
     """Where the saddle at the origin is all but neutral: there both ways around meet its loop."""
 
@@ -377,6 +379,7 @@ def adaptive_neuron(settle: float, **params: float) -> cb.Problem:
     return cb.cycle([spike], {"V": -70.6, "w": 0.0}, params, settle=settle)
 
 
+@pytest.mark.slow
 def test_curves_set_out_from_a_homoclinic_orbit_one_after_the_other() -> None:
     """At I = 627.0023051022 by bisection with scipy's DOP853 at 1e-12; on the way around all is
     contracted by 1e-18. The first curve ends far away."""

@@ -45,6 +45,7 @@ def rings(*, sparse: bool) -> cb.Branch:
     return cb.trace(orbit, "c", within={"c": (2.8, 2.85)})
 
 
+@pytest.mark.slow
 def test_both_equations_have_the_same_orbits_multipliers_and_period_doubling() -> None:
     """One by elimination, which no state inside of an interval is among the unknowns of."""
     dense, sparse = (rings(sparse=sparse) for sparse in (False, True))

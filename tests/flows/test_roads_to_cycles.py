@@ -189,6 +189,7 @@ def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
         cb.cycles(relaxing, starts[0], {"mu": 0.0})
 
 
+@pytest.mark.slow
 def test_a_rotation_that_is_not_said_to_be_one_is_named() -> None:
     params = {"torque": 1.2, "a": 0.0, "w": 1.0, "d": 0.3}
     with pytest.raises(NotConverged, match="a state that is an angle is named with its turn"):
@@ -218,6 +219,7 @@ def pendula(t: Any, x: Any, p: Any) -> Any:
     return np.stack([x[2], x[3], turning[0] + stretch, turning[1] - stretch])
 
 
+@pytest.mark.slow
 def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
     """Each alone does not turn back: all at once do. In phase PD is where AUTO-07p has it; so are,
     of the rotations out of phase, both folds and BP, and there is no other: one whose half period
@@ -275,6 +277,7 @@ def roessler(x: Any, y: Any, z: Any, c: Any) -> Any:
     return [-y - z, x + 0.2 * y, 0.2 + z * (x - c)]
 
 
+@pytest.mark.slow
 def test_scales_make_a_branch_of_cycles_the_same_in_any_units() -> None:
     """Steps, PD and where what doubles there begins."""
     found = []
@@ -376,6 +379,7 @@ def test_a_step_of_a_junction_is_walked_round_once(current, periods, turns) -> N
     assert [point.kind for point in branch.special] == ["LP", "LP"]
 
 
+@pytest.mark.slow
 def test_a_rotation_of_two_periods_ends_where_one_of_a_single_one_doubles() -> None:
     def swings(t, x, p):
         return [x[1], p["I"] - 0.6 * x[1] - np.sin(x[0]) + 1.2 * np.cos(t)]
@@ -391,6 +395,7 @@ def test_a_rotation_of_two_periods_ends_where_one_of_a_single_one_doubles() -> N
     assert [double[0]["I"], double[-1]["I"]] == pytest.approx(doubles, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
     """x' = I - x + 0.95 cos 2 pi t, from 0 to 1: the folds are the extreme currents at which the
     second spike after one at t comes at t + 1."""
@@ -476,6 +481,7 @@ def test_what_leaves_a_threshold_slowly_does_not_run_away() -> None:
     assert cycle_of(found).states(0.0)[0] == pytest.approx(brentq(moved, 0.2, 0.4), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_an_orbit_that_is_not_found_is_refused_once() -> None:
     """A relay beside its tongue: however often the mesh was made finer on the way."""
 

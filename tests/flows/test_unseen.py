@@ -60,6 +60,7 @@ def test_rounding_of_the_terms_of_a_small_force_is_no_kink_and_a_small_kink_is_o
     assert slope[1, 1] == pytest.approx(np.sign(x[1]), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_contact_on_the_way_is_what_it_is_from_the_start() -> None:
     def doublings(F: float) -> list[float]:
         problem = cb.cycle(
@@ -87,6 +88,7 @@ def test_a_function_serves_any_number_of_states() -> None:
         np.testing.assert_allclose(branch["x"], branch["c"], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_half_of_a_forced_orbit_doubles_where_the_whole_loses_its_symmetry() -> None:
     def duffing(t: Any, x: Any, p: Any) -> Any:
         return [x[1], -0.1 * x[1] - x[0] ** 3 + p["F"] * np.cos(t)]
@@ -139,6 +141,7 @@ def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool)
     np.testing.assert_allclose(line["h"], 0.0, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_half_of_a_rattle_begins_on_the_other_wall_and_touches_it_as_the_whole_does() -> None:
     """Behind its mirror that wall is the condition that ended it, which no formula shows."""
 
@@ -174,6 +177,7 @@ def test_a_period_that_comes_to_zero_has_a_window_from_zero_on() -> None:
     assert branch[-1]["h"] == pytest.approx(0.0, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_ball_whose_flight_is_cut_at_its_top_grazes_where_that_is_on_the_table() -> None:
     rises = cb.Flow(lambda t, x, p: [x[1], -1.0], until=lambda t, x, p: x[1])
     falls = cb.Flow(
@@ -193,6 +197,7 @@ def test_a_ball_whose_flight_is_cut_at_its_top_grazes_where_that_is_on_the_table
     np.testing.assert_allclose(line["A"], np.hypot(np.pi * (1 - e) / (1 + e), np.pi**2 / 4))
 
 
+@pytest.mark.slow
 def test_a_cycle_begins_to_slide_where_it_touches_the_threshold() -> None:
     def field(harvest: float) -> Any:
         def f(t: Any, x: Any, p: Any) -> Any:
@@ -237,6 +242,7 @@ def pushed_about(om: float, x: float = 0.0, v: float = 0.0) -> cb.Problem:
     return cb.cycle(BANG, {"x": x, "v": v}, {"om": om}, period=driven, settle=120)
 
 
+@pytest.mark.slow
 def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_doubles() -> None:
     """A mirror image after half a period, x(t + T/2) = -x(t): a half that ends in a mirror, whose
     multiplier is -1 where the whole loses its symmetry."""
@@ -254,6 +260,7 @@ def test_an_asymmetric_orbit_comes_back_to_the_symmetric_one_where_half_of_that_
     assert found["max(x)"] == pytest.approx(-found["min(x)"], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() -> None:
     twice = pushed_about(0.7)
     assert twice.start["durations"].size == 4
@@ -265,6 +272,7 @@ def test_an_orbit_of_two_periods_comes_back_to_that_of_one_where_that_doubles() 
     assert arm.first("PD")["om"] == pytest.approx(back.first("BP")["om"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doubles() -> None:
     once = pushed_about(1.03, 2.0, 5.0)
     asymmetric = cb.trace(once, "om", within={"om": (0.95, 1.04)}, towards="down")
@@ -297,6 +305,7 @@ def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
     assert (end["rho"], end["period"]) == pytest.approx((4.72213, 6.08717), abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_state_that_follows_another_at_once_has_a_multiplier_of_nothing() -> None:
     """That of the van der Pol oscillator beside it is the integral of the divergence."""
 
@@ -311,6 +320,7 @@ def test_a_state_that_follows_another_at_once_has_a_multiplier_of_nothing() -> N
     assert orbit.multipliers[1] == pytest.approx(grown, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_pole_of_a_multiplier_at_a_vanishing_impact_is_no_bifurcation() -> None:
     """PD was in doubt there, at a quarter of such ends."""
 

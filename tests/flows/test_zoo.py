@@ -76,6 +76,7 @@ def test_curves_in_two_parameters_are_those_in_closed_form(curve: Curve) -> None
         assert found == pytest.approx(known, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_curve_of_vanishing_impacts_meets_folds_where_these_begin() -> None:
     """Where the fold of an impact oscillator, in closed form, has no velocity left."""
     line = cb.boundary(
@@ -103,7 +104,7 @@ def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_i
     branch = cb.trace(neuron, "I", within={"I": (0.5, 3)}, towards="down")
     assert [at.kind for at in branch.special] == ["EP", "VI"]
     assert not branch["unstable"].any()
-    line = cb.boundary(branch[-1], ("I", "b"), within={"b": (-0.5, 0.5)}, towards="both")
+    line = cb.boundary(branch[-1], ("I", "b"), within={"b": (-0.01, 0.01)}, towards="both")
     assert [at.kind for at in line.special] == ["EP", "EP"]
     assert not line["unstable"].any()
 

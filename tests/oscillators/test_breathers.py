@@ -48,6 +48,7 @@ def test_amplitudes_energies_and_multipliers_are_those_of_shooting(
     assert orbit.unstable == unstable
 
 
+@pytest.mark.slow
 def test_a_slow_single_oscillator_is_found_next_to_its_separatrix() -> None:
     """A pendulum: sin(a / 2)^2 = m, where 2 K(m) is half of its period. Of Morse's oscillator it is
     the coupling that is at fault: harmonic 2 is the frequency of those at rest."""
@@ -306,6 +307,7 @@ def test_a_family_that_comes_to_a_separatrix_ends_there_with_hom(V, energy, rest
     assert rests in end.detail["said"]
 
 
+@pytest.mark.slow
 def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> None:
     """Next to the band what holds it at its site is less than rounding; and the end of its branch
     names the harmonic and the band."""
@@ -528,6 +530,7 @@ def test_what_holds_functions_is_saved_without_equations(tmp_path) -> None:
     assert cb.load(tmp_path / "breathers.nc", problem=start)[0].solution.unstable == 0
 
 
+@pytest.mark.slow
 def test_two_pf_and_a_bp_within_one_step_are_located() -> None:
     """The places are those of steps a fourteenth as long."""
     chain = cb.Oscillators("1 - cos(u)", "c*r**2/2", lattice=cb.OpenChain(5))
@@ -544,6 +547,7 @@ def test_two_pf_and_a_bp_within_one_step_are_located() -> None:
         assert abs(at.solution.indices - 1).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_both_edges_of_a_tongue_within_one_step_are_located() -> None:
     """Where a pair is at -1 either end of the half comes to rest: each has a test of its own."""
     chain, code = (
@@ -575,6 +579,7 @@ def test_an_orbit_that_is_its_own_image_does_not_double_where_a_pair_touches_min
     assert max(point.solution.inverse_hyperbolic for point in branch) == 0
 
 
+@pytest.mark.slow
 def test_curves_from_a_branch_in_the_energy_may_be_in_the_frequency() -> None:
     """Of either edge of a tongue, each by the block that is singular there."""
     chain = cb.Oscillators("u**2/2 + 0.2*u**3 + u**4/4", LINEAR, lattice=cb.OpenChain(3))
