@@ -472,6 +472,7 @@ class BreatherProblem(CycleProblem):
             met = [[*impact] for impact in cast("Any", flow.reset).impacts] if chain.walls else []
             flights.append([len(f.states), f.scheme.points, f.rounds, sizes.tolist(), met])
         about = {"turns": equations.turns, "begin": equations.start[0].start, "label": self.label}
+        about["scales"] = dict(self.scales)  # of the orbit it began with, for steps as long
         return {"kind": "breather", **about, "chain": chain, "flights": flights}
 
     def orbit(self, x: Array, params: Params) -> Breather:
@@ -566,7 +567,7 @@ def discretised(
 @serialised("breather")
 def _from_dict(
     *, label: str, chain: Oscillators, turns: int, begin: float, flights: Any,
-    start: Mapping[str, Any], params: Params,
+    scales: Mapping[str, float], start: Mapping[str, Any], params: Params,
 ) -> BreatherProblem:  # fmt: skip
     """Make the equations of a breather again, which begin at these unknowns."""
     segments, n = list[TrajectorySegment](), 2 * chain.sites
@@ -583,4 +584,5 @@ def _from_dict(
         equations = equations.holding("energy")
     x = np.concatenate([np.ravel(value) for value in start.values()])
     equations = replace(equations, start=equations.flights(x, params))
-    return BreatherProblem.of(equations, params, events_of_breather(equations), label)
+    problem = BreatherProblem.of(equations, params, events_of_breather(equations), label)
+    return replace(problem, scales=scales)

@@ -513,7 +513,10 @@ def test_a_loaded_branch_has_its_equations(kind, tmp_path) -> None:
     mu, kept = (of[1].solution.stability(threshold=9.0).map.over_period for of in (branch, again))
     np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(kept), atol=1e-9)
     wider = {free: (0.97 * here, 1.01 * here)}
-    one, other = (cb.extend(of, end="last", within=wider, events=())[-1] for of in (branch, again))
+    longer = [cb.extend(of, end="last", within=wider, events=()) for of in (branch, again)]
+    far, as_far = (of["arclength"] for of in longer)
+    np.testing.assert_allclose(far, as_far, rtol=1e-8)  # in steps as long
+    one, other = (of[-1] for of in longer)
     assert one["largest"] == pytest.approx(other["largest"], abs=1e-8)
     assert one[free] == other[free] == wider[free][1]
 
