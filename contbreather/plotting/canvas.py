@@ -220,7 +220,7 @@ def legend_above(axes: Any, **more: Any) -> None:
 
 
 def fitting_legend(
-    ax: Axes, pixel: float, handles: Sequence[Any], names: Sequence[str], **more: Any
+    ax: Any, pixel: float, handles: Sequence[Any], names: Sequence[str], **more: Any
 ) -> float:
     """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
     in as many columns as fit, or where no layout makes room there inside all the same: the part of
