@@ -118,14 +118,15 @@ class SingleOscillator:
         others that which is nearest."""
         sign = math.copysign(1.0, code)
         a, halves = self.known(sign)
-        known, reach = math.pi / halves, a[~np.isnan(self(sign * a))].max()
+        known = math.pi / halves  # NaN where it does not come back
         if not math.isfinite(known[0]):
             raise NoSolution(f"site {self.site}: u = 0 has to be a minimum of its potential")
         if found := self.amplitudes(omega, sign):
             wanted = 0.0 if abs(code) == 1.0 else abs(code)
             return sign * min(found, key=lambda a: abs(a - wanted))
+        largest = a[~np.isnan(known)].max()
         raise NoSolution(
-            f"site {self.site}: alone, up to |u| = {reach:.3g}, it oscillates at "
+            f"site {self.site}: alone, up to |u| = {largest:.3g}, it oscillates at "
             f"frequencies from {np.nanmin(known):.6g} to {np.nanmax(known):.6g}, not at {omega:.6g}"
         )
 

@@ -336,8 +336,11 @@ def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> Non
         ({"V": "u**4/40000", "W": "r**2/2", "lattice": cb.Ring(5)}, r"to 0\.8472.*, not at 2\.5$"),
         # nothing holds its neighbours, which have a mean of any size
         ({"V": "u**4/4", "W": "r**2/10", "lattice": cb.Ring(5)}, r"the mean, 0, lies in the band"),
-        # that of Hertz's contacts has no value beyond 1
+        # that of Hertz's contacts has no value beyond 1, at an end on one side only; over a barrier
+        # at 1 a site does not come back
         ({"V": "u**2/2", "W": "(1-r)**2.5/2.5 + r", "lattice": cb.Ring(5)}, r"up to \|u\| = 0\.99"),
+        ({"V": "u**2/2", "W": "(1+r)**2.5/2.5 - r", "lattice": cb.OpenChain(5)}, r"\|u\| = 0\.\d"),
+        ({"V": "u**2/2 - u**3/3", "W": "r**2/9", "lattice": cb.Ring(5)}, r"up to \|u\| = 1, "),
     ],
 )
 def test_lattices_without_isolated_breathers_say_why(given, says) -> None:
