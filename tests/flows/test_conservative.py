@@ -764,3 +764,26 @@ def test_a_family_in_the_energy_is_loaded_with_the_cycle_it_was_traced_from(tmp_
     np.testing.assert_allclose(loaded, walked, rtol=1e-12)
     further = cb.extend(again, end="last", within={"energy": (0.5, 3)})
     assert {round(point["energy"], 9) for point in further.special} == {0.5, 3.0}
+
+
+def test_a_curve_in_the_energy_is_loaded_with_the_cycle_its_family_was_traced_from(tmp_path) -> None:
+    """The energy is an unknown of it, not a parameter."""
+
+    def pair(t, x, p):
+        pull = p["c"] * (x[0] - x[1])
+        return [x[2], x[3], -x[0] - x[0] ** 3 - pull, -x[1] - x[1] ** 3 + pull]
+
+    def energy(x, p):
+        own = sum(v**2 / 2 + u**2 / 2 + u**4 / 4 for u, v in ((x[0], x[2]), (x[1], x[3])))
+        return own + p["c"] * (x[0] - x[1]) ** 2 / 2
+
+    start = {"u": 0.37, "w": -0.37, "v": 0.0, "s": 0.0}
+    against = cb.cycle(pair, start, {"c": 0.1}, conserves=energy)
+    modes = cb.trace(against, "energy", within={"energy": (0.16, 0.18)}, events=cb.branch_point())
+    how = {"within": {"c": (0.09, 0.11)}, "steps": cb.Steps(most=2), "events": ()}
+    line = cb.boundary(modes.first("BP"), ("c", "energy"), **how)
+    cb.save(tmp_path / "line.nc", line)
+    again = cb.load(tmp_path / "line.nc", problem=against)
+    assert again[1].solution.period == pytest.approx(line[1].solution.period, rel=1e-12)
+    end = cb.extend(again, end="last", within={"c": (0.05, 0.11)}, steps=cb.Steps(most=2))[-1]
+    assert end["energy"] == pytest.approx(end["c"] * (12 + 32 * end["c"]) / 9, abs=1e-9)

@@ -143,7 +143,7 @@ class _Stored:
             return curve, self._settings(()), ()
         if content["period"] is not None:  # another iterate of the map, or beyond PD
             problem = problem.over(content["period"])
-        if turned := [name for name in problem.freed_in_turn if name in content["parameters"]]:
+        if turned := [name for name in problem.freed_in_turn if name in content["base"][1]]:
             problem = problem.having(*turned)  # as where it was traced
         absent = [name for name in problem.names if name not in first]
         if absent:
