@@ -302,7 +302,10 @@ def _check_fit(curve: Curve, anew: bool) -> None:
     except Undefined as error:
         raise BadInput(f"the points of the file lie outside this problem: {error}") from error
     if off > _FITS:
-        raise BadInput(f"the points of the file do not solve this problem: residual {off:.2g}")
+        raise BadInput(
+            f"the points of the file do not solve this problem: residual {off:.2g}; give the one "
+            "that the branch was begun with, at the start that it had"
+        )
 
 
 def no_equations(*_: Any) -> Any:
