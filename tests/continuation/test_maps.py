@@ -253,3 +253,11 @@ def test_a_cycle_of_lozi_s_map_ends_where_it_comes_to_the_kink() -> None:
     branch = trace(two, "a", within={"a": (0.3, 1.9)}, towards="down")
     assert [point.label for point in branch.special] == ["EP1", "PD1", "MX1"]
     assert [point["a"] for point in branch.special] == pytest.approx([1.3, 1.2, 0.8], abs=1e-7)
+
+
+def test_a_coefficient_that_is_called_as_a_parameter_says_in_the_table_whose_it_is() -> None:
+    """The table of PD of c x (1 - x) had two rows `c`."""
+    growth = FixedPoint(lambda x, p: p["c"] * x * (1 - x), {"x": 0.6}, {"c": 2.5})
+    point = trace(growth, "c", within={"c": (2.5, 3.2)}).first("PD")
+    rows = dict(point.table().rows)
+    assert (rows["c"], rows["c of PD"]) == (point["c"], point["c of PD"])

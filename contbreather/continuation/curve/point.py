@@ -120,7 +120,9 @@ class Point(HtmlRepr):
         shown = [(name, self.table_value(name)) for name in names]
         numbers: list[Any] = [(name, value) for name, value in shown if np.ndim(value) == 0]
         numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
-        return Sheet.of(numbers + [(n, v) for n, v in self.detail.items() if np.isscalar(v)])
+        own = f" of {self.kind}"  # behind a name that is taken
+        found = [(n + own * (n in names), v) for n, v in self.detail.items() if np.isscalar(v)]
+        return Sheet.of(numbers + found)
 
     def table_value(self, name: str) -> Any:
         """A value as tables have it: None for no number, and for a count that is rounding."""
