@@ -180,3 +180,9 @@ def test_branches_of_other_equations_are_shown_without_a_lattice(run: Run) -> No
     assert found["arm1"]["free"] == "mu"
     assert "forcing" not in found["arm1"]
     assert Path("mine.csv").read_text().startswith("name,label,mu,")
+    growth = cb.FixedPoint(lambda x, p: p["c"] * x * (1 - x), {"x": 0.6}, {"c": 2.5})
+    cb.save("growth.nc", cb.trace(growth, "c", within={"c": (2.5, 3.2)}))
+    point = cb.load("growth.nc").first("PD")
+    assert "\nc of PD = 9.\n" in run("show growth.nc PD1")[1]  # not `c`, which is 3
+    shown = json.loads(run("show growth.nc PD1 --json")[1])
+    assert (shown["c"], shown["c of PD"]) == (point["c"], point["c of PD"])

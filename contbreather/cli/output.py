@@ -188,7 +188,7 @@ def point_entry(point: cb.continuation.Point) -> dict[str, Any]:
         "residual": point.residual,
         "located": point.located,
         **({"parent": point.parent.label} if point.parent else {}),
-        **{name: value for name, value in point.detail.items() if name not in numbers},
+        **point.named_detail,
     }
 
 

@@ -130,7 +130,7 @@ def _lines(result: Any) -> Iterator[object]:
         yield from (f"{_described(result)}.", *zones_lines([result]))
     elif isinstance(result, cb.continuation.Point):
         yield f"{result!r}"
-        for name, value in result.detail.items():
+        for name, value in result.named_detail.items():
             yield f"{name} = {_in_words(result, value)}."
     else:
         yield result if hasattr(result, "__rich__") else f"{_described(result)}."

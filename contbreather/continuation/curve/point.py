@@ -120,9 +120,13 @@ class Point(HtmlRepr):
         shown = [(name, self.table_value(name)) for name in names]
         numbers: list[Any] = [(name, value) for name, value in shown if np.ndim(value) == 0]
         numbers += [("arclength", self.arclength), ("residual", f"{self.residual:.1e}")]
-        own = f" of {self.kind}"  # behind a name that is taken
-        found = [(n + own * (n in names), v) for n, v in self.detail.items() if np.isscalar(v)]
-        return Sheet.of(numbers + found)
+        return Sheet.of(numbers + [(n, v) for n, v in self.named_detail.items() if np.isscalar(v)])
+
+    @property
+    def named_detail(self) -> dict[str, Any]:
+        """Details, under names that no unknown, parameter or column has."""
+        taken = {*self.curve.problem.names, *self.curve.problem.record}
+        return {n + f" of {self.kind}" * (n in taken): value for n, value in self.detail.items()}
 
     def table_value(self, name: str) -> Any:
         """A value as tables have it: None for no number, and for a count that is rounding."""
