@@ -766,7 +766,7 @@ def test_a_family_in_the_energy_is_loaded_with_the_cycle_it_was_traced_from(tmp_
     assert {round(point["energy"], 9) for point in further.special} == {0.5, 3.0}
 
 
-def test_a_curve_in_the_energy_is_loaded_with_the_cycle_its_family_was_traced_from(tmp_path) -> None:
+def test_a_curve_in_the_energy_is_loaded_with_the_cycle_its_family_began_from(tmp_path) -> None:
     """The energy is an unknown of it, not a parameter."""
 
     def pair(t, x, p):
