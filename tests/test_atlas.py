@@ -103,6 +103,10 @@ def test_what_an_atlas_is_drawn_over_has_to_be_clear(found: Any) -> None:
     both = found.assign(k=found.k + found.c3)
     with pytest.raises(cb.BadInput, match="k and c3 have several values: say over which"):
         plot_atlas(both)
+    with pytest.raises(
+        cb.BadInput, match=r"k has several values: say at which .* at=\{'k': \.\.\.\}"
+    ):
+        plot_atlas(both, over="c3")  # two diagrams of another k were one picture
     with pytest.raises(cb.BadInput, match=r"at c3 = 0\.5: the atlas has \[0\.0, 0\.01\]"):
         plot_atlas(found, at={"c3": 0.5})
     with pytest.raises(cb.BadInput, match=r"a kind must be 'LP', .* got 'PD'"):
@@ -164,6 +168,18 @@ def test_atlases_are_of_damped_finite_lattices(run: Run) -> None:
         assert abs(fork.multipliers(half=True) - 1.0).min() < 1e-7
     with xarray.open_dataset("a.nc", engine="h5netcdf", decode_cf=False) as data:
         assert (data.attrs["damping"], data.attrs["lattice"]) == (0.02, content["lattice"])
+
+
+def test_an_atlas_says_of_which_walls_threshold_and_frequency_it_is() -> None:
+    """Another wall, threshold or omega is another atlas: by its attributes it is no other one."""
+    own = {"lattice": cb.OpenChain(3), "site": 1, "damping": 0.02, "threshold": 1.0}
+    within = {"gamma": (0.03, 0.0301), "a": (1.2 * 0.755, 1.2 * 0.765)}
+    scaled = cb.atlas(k=0.8, within=within, executor=1, walls=(-1.2, 1.2), **own)
+    assert (scaled.attrs["walls"], scaled.attrs["threshold"]) == ("-1.2,1.2", 1.0)
+    within = {"gamma": (0.12, 0.1204), "a": (4 * 0.7, 4 * 0.8)}
+    fast = cb.atlas(k=0.8, within=within, executor=1, omega=2.0)
+    assert fast.attrs["omega"] == 2.0
+    assert fast.attrs.keys().isdisjoint({"walls", "threshold"})  # the infinite chain has neither
 
 
 def test_an_atlas_without_a_curve_is_refused() -> None:

@@ -15,8 +15,10 @@ import numpy as np
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
 from contbreather.lattice.band_averages import UniformLattice
+from contbreather.lattice.conditions import Walls
 from contbreather.lattice.forcing import Drive, Forcing
 from contbreather.lattice.formula import forcing_of
+from contbreather.lattice.parse import as_typed
 from contbreather.orbits.zone_diagram import KINDS, NO_CURVE, Zones, phases_on
 from contbreather.orbits.zone_search import PAIRS, second_of
 from contbreather.orbits.zones import zones
@@ -290,6 +292,9 @@ def _about(first: Slice, diagrams: Sequence[Zones | Failed]) -> dict[str, Any]:
         "forcing": first.forcing.describe(),
         "lattice": on["lattice"].describe(),
         **{name: on[name] for name in ("damping", "spring", "site") if on.get(name)},
+        "walls": as_typed(on.get("walls", Walls())),
+        "threshold": zones.threshold if on["lattice"].sites else 0,
+        **zones.held,  # omega for instance
     }
     return {name: text for name, text in about.items() if text}
 

@@ -290,10 +290,7 @@ def plot_atlas(
     """
     check_atlas(atlas)
     plane = atlas.attrs["plane"].split()
-    over = over or _only(atlas, at or {})
-    if over not in atlas.variables:
-        fixed = ", ".join(atlas.attrs["fixed"].split())
-        raise BadInput(f"over = {over!r}: this atlas has no values of it, but of {fixed}.")
+    over = _over(atlas, over, at or {})
     kinds = canvas.kinds_of(kinds)
     lines = _lines(atlas, (plane[0], over, plane[1]), at or {}, kinds)
     if not any(lines.values()):
@@ -311,16 +308,28 @@ def plot_atlas(
     return drawn
 
 
-def _only(atlas: Dataset, at: Mapping[str, float]) -> str:
+def _over(atlas: Dataset, over: str | None, at: Mapping[str, float]) -> str:
+    """Name the third parameter; of others that have several values one is to be given."""
     fixed: list[str] = atlas.attrs["fixed"].split()
     names = [*fixed, *atlas.attrs.get("over", "").split()]
     several = [name for name in names if name not in at and len(np.unique(atlas[name])) > 1]
-    if len(several) > 1:
+    if over is None and len(several) > 1:
         raise BadInput(
             f"{' and '.join(several)} have several values: say over which it is drawn, "
             f"over={several[0]!r}, and at which value of the other, at={{{several[1]!r}: ...}}"
         )
-    return several[0] if several else fixed[0]
+    over = over or (several or fixed)[0]
+    if over not in atlas.variables:
+        raise BadInput(
+            f"over = {over!r}: this atlas has no values of it, but of {', '.join(fixed)}."
+        )
+    if others := [name for name in several if name != over]:
+        have = "has" if len(others) == 1 else "have"
+        raise BadInput(
+            f"{' and '.join(others)} {have} several values: say at which it is drawn over {over}, "
+            f"at={{{', '.join(f'{name!r}: ...' for name in others)}}}"
+        )
+    return over
 
 
 def _lines(
