@@ -159,6 +159,26 @@ def test_l1_has_a_sign_whatever_the_units_of_states() -> None:
     assert hopf["criticality"] == "supercritical"
 
 
+@pytest.mark.parametrize("unit", [1e-3, 1e-6])
+def test_coefficients_do_not_depend_on_small_units_of_states(unit: float) -> None:
+    """Of ``-(1 + m) sin x`` c = 1/6; of ``z' = (m + i) z - (1 - exp(-|z|^2)) z`` l1 = -2 at 0."""
+
+    def sine(x: Any, p: Mapping[str, float]) -> Any:
+        return -(1 + p["m"]) * unit * np.sin(x / unit)
+
+    mine = cb.FixedPoint(sine, {"x": 0.0}, {"m": -0.31})
+    doubled = cb.trace(mine, "m", within={"m": (-0.4, 0.4)}).first("PD")
+    assert doubled.detail["c"] * unit**2 == pytest.approx(1 / 6, rel=1e-8)
+
+    def spiral(x: Any, p: Mapping[str, float]) -> Any:
+        grow = p["m"] - 1 + np.exp(-(x @ x) / unit**2)
+        return grow * x + np.array([-x[1], x[0]])
+
+    rest = Problem(spiral, {"x": 0.0, "y": 0.0}, {"m": -0.31})
+    hopf = cb.trace(rest, "m", within={"m": (-0.4, 0.4)}, events=EVENTS).first("HB")
+    assert hopf["l1"] * unit**2 == pytest.approx(-2.0, rel=1e-8)
+
+
 @pytest.mark.parametrize("time", [1e-6, 1.0, 1e6])
 def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states(time: float) -> None:
     def takens(x: Any, p: Mapping[str, float]) -> list[Any]:

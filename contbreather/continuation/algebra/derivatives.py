@@ -158,12 +158,12 @@ def along(
 
 def extrapolated(
     differences: Callable[[float], list[Any]], apart: Callable[[list[Any], list[Any]], float],
-    h: float, agreed: float, *, ratio: int = 4, most: int = 24,
+    h: float, agreed: float, *, ratio: int = 4,
 ) -> list[Any]:  # fmt: skip
     """Extrapolate differences while their step is halved, from a first one on, until two orders
     agree, or rounding makes them part again."""
     best, doubt, before = list[Any](), math.inf, list[list[Any]]()
-    for _ in range(most):
+    for _ in range(24):
         try:
             row = [differences(h)]
         except OUT_OF_DOMAIN:

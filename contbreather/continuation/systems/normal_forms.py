@@ -169,7 +169,7 @@ class Forms:
         with suppress(Undefined):
             self.curve.prepare([z for i in range(count) for z in around(first / 2**i)])
         agreed = 1e-7 if exact else 1e-4
-        B, C = extrapolated(differences, partial(self._apart, reach), first, agreed, most=7)
+        B, C = extrapolated(differences, partial(self._apart, reach), first, agreed)
         return B, C
 
     def _apart(self, reach: float, jet: Sequence[Matrix], other: Sequence[Matrix]) -> float:
