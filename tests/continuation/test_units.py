@@ -119,6 +119,13 @@ def test_what_may_be_due_to_sizes_names_them() -> None:
     none = Problem(lambda x, p: np.array([x[0] ** 2 + 1e12]), {"x": 1e6}, {"E": 0.0})
     with pytest.raises(cb.NotConverged, match=r"scales=\{'x': 1000000.0\}"):
         none.solve()
+    small = cb.FixedPoint(
+        lambda x, p: 1e-6 * (p["h"] - (1 + p["m"]) * np.sin(x / 1e-6)),
+        {"x": 5e-8}, {"m": -0.31, "h": 0.1},
+    )  # fmt: skip
+    doubled = cb.trace(small, "m", within={"m": (-0.4, 0.4)}).first("PD")
+    with pytest.raises(cb.BadInput, match=r"of the locus does not fit .* scales=\{'x': 5e-08\}"):
+        cb.boundary(doubled, ("m", "h"))
 
 
 def test_a_derivative_that_is_none_beside_the_start_gives_no_size_of_its_row() -> None:

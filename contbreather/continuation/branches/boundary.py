@@ -223,7 +223,8 @@ def boundary_problem(
         longer_curve = Curve(longer, (pair[0],))
         with contextlib.suppress(Undefined):
             if wrong := wrong_entry(longer_curve, longer_curve.start):
-                raise BadInput(f"the derivative of the locus does not fit its conditions: {wrong}")
+                why = f"the derivative of the locus does not fit its conditions: {wrong}"
+                raise BadInput("; ".join(filter(None, (why, curve.unlike_scales(curve.start)))))
     return longer
 
 
