@@ -21,7 +21,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import crossing
-from ..continuation.systems.spectrum import OUTSIDE
+from ..continuation.systems.spectrum import OUTSIDE, counted
 from ..errors import BadInput
 from ..one_thread import one_thread
 from ..tables import HtmlRepr, Sheet
@@ -350,6 +350,11 @@ class Cycle(HtmlRepr):
     def _beside_circle(self) -> float:
         return float(abs(abs(self.others) - 1).min(initial=math.inf))
 
+    @property
+    def _count(self) -> str:
+        # of what is conserved most are on the circle, and pairs are counted by their indices
+        return f"{self.unstable} unstable" if self.paired else counted(self.others)
+
     def _sizes(self) -> dict[str, float]:
         ends = {"min": self.min, "max": self.max}
         return {f"{what}({n})": value for what in ends for n, value in ends[what].items()}
@@ -362,7 +367,7 @@ class Cycle(HtmlRepr):
         return Sheet.of(rows)
 
     def __repr__(self) -> str:
-        return f"<Cycle of period {self.period:.10g}, {self.unstable} unstable>"
+        return f"<Cycle of period {self.period:.10g}, {self._count}>"
 
 
 def top(flight: TrajectorySegment, part: slice, sign: float) -> float:

@@ -478,8 +478,9 @@ def neimark_sacker(*, threshold: float | None = None, every: bool = False) -> Ev
     ----------
     threshold : float, optional
         On finite lattices: the modulus over the whole period that a pair must pass, 1.005 in the
-        paper. A boundary ends where another of a ring's waves gets there first (NS-NS);
-        `contbreather.paper.threshold.neimark_sacker_line` puts the pieces together.
+        paper. A boundary of a ring without damping and springs ends where another of its waves
+        gets there first (NS-NS); `contbreather.paper.threshold.neimark_sacker_line` puts the
+        pieces together. Others follow one pair, also where another one is outside.
     every : bool
         Of motions by exact modes, with damping or springs for instance: each pair that passes the
         threshold, as in zones with damping, not the first alone.

@@ -277,7 +277,7 @@ class Breather(Cycle):
     def __repr__(self) -> str:
         near, inside = resonance(self.chain, self.omega, self.params)
         spread = f"; {near}" if inside and not self.chain.dissipative else ""
-        return f"<Breather of frequency {self.omega:.10g}, {self.unstable} unstable{spread}>"
+        return f"<Breather of frequency {self.omega:.10g}, {self._count}{spread}>"
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -261,3 +261,16 @@ def test_a_coefficient_that_is_called_as_a_parameter_says_in_the_table_whose_it_
     point = trace(growth, "c", within={"c": (2.5, 3.2)}).first("PD")
     rows = dict(point.table().rows)
     assert (rows["c"], rows["c of PD"]) == (point["c"], point["c of PD"])
+
+
+def test_a_fixed_point_on_the_circle_says_so() -> None:
+    """Of x -> m x (1 - y), y -> x both multipliers have modulus 1 at m = 2: "0 unstable" was said
+    where the table of the branch knows no count."""
+    delayed = FixedPoint(
+        lambda u, p: np.array([p["m"] * u[0] * (1 - u[1]), u[0]]), {"x": 0.4, "y": 0.4}, {"m": 1.7}
+    )
+    branch = trace(delayed, "m", within={"m": (1.1, 2.3)})
+    said = [repr(point.solution) for point in branch.special]
+    assert said[0] == "<fixed point of a map, 0 unstable>"
+    assert said[1] == "<fixed point of a map, 0 unstable, 2 on the unit circle>"
+    assert said[2] == "<fixed point of a map, 2 unstable>"

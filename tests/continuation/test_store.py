@@ -210,6 +210,15 @@ def test_several_branches_come_back_by_name(branch: Branch, path: Path) -> None:
     assert found["branch2"].doubtful[0].detail["reason"]
 
 
+def test_tangents_at_a_branch_point_come_back_as_they_were(path: Path) -> None:
+    cross = zoo.scalar(lambda x, p: (x - p["mu"]) * (x + 2 * p["mu"]), 0.5, {"mu": 0.5})
+    branch = trace(cross, "mu", within={"mu": (-1, 1)}, events=zoo.STATIC)
+    save(path, branch)
+    before, after = (one.first("BP").detail["tangents"] for one in (branch, load(path)))
+    assert type(before) is type(after)
+    np.testing.assert_array_equal(before, after)
+
+
 def test_one_point_one_side_and_trouble_come_back(path: Path) -> None:
     root = Problem(lambda u, p: u - np.sqrt(p["mu"]), {"x": 1.0}, {"mu": 1.0})
     for given in (

@@ -1143,3 +1143,18 @@ def test_hopf_asked_for_along_cycles_is_where_they_shrink_to_rest() -> None:
     branch = cb.trace(start, "m", within={"m": (-0.5, 0.7)}, events=[cb.hopf()])
     assert [at.kind for at in branch.special] == ["HB", "EP"]
     assert branch.special[0]["m"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_a_cycle_says_how_many_multipliers_are_on_the_circle() -> None:
+    """With r' = r (m + r^2 - r^4) cycles fold at m = -1/4: "0 unstable" was said there, where the
+    table of the branch knows no count."""
+
+    def round_rest(t, x, p):
+        size = x[0] ** 2 + x[1] ** 2
+        grows = p["m"] + size - size**2
+        return x[0] * grows - x[1], x[1] * grows + x[0]
+
+    start = cb.cycle(round_rest, {"x": 1.0, "y": 0.0}, {"m": -0.1}, settle=50)
+    branch = cb.trace(start, "m", within={"m": (-0.3, 0.0)}, towards="down")
+    assert repr(branch[0].solution).endswith(", 0 unstable>")
+    assert repr(branch.first("LP").solution).endswith(", 0 unstable, 1 on the unit circle>")

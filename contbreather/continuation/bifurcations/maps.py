@@ -28,7 +28,7 @@ from ..curve.settings import all_of
 from ..systems import defining_systems as systems
 from ..systems.branch_points import RANK, crossing_event
 from ..systems.normal_forms import closed
-from ..systems.spectrum import OUTSIDE, ROUNDING
+from ..systems.spectrum import OUTSIDE, ROUNDING, counted
 from .equilibria import fold
 from .multiplier_events import linked
 
@@ -189,7 +189,7 @@ class MapCycle(HtmlRepr):
         return Sheet.of([("period", self.period), *rows, ("unstable", self.unstable)])
 
     def __repr__(self) -> str:
-        return f"<{generic(self.period)} of a map, {self.unstable} unstable>"
+        return f"<{generic(self.period)} of a map, {counted(self.multipliers)}>"
 
 
 def with_period(problem: Problem, period: int) -> Problem:

@@ -148,7 +148,9 @@ class _Stored:
         absent = [name for name in problem.names if name not in first]
         if absent:
             raise BadInput(
-                f"the problem has {absent}, which the file has not: it has {list(first)}"
+                f"the problem has {absent}, which the file has not: it has {list(first)}; give the "
+                f"one that this branch ({content['label']}) was begun with, and where the file has "
+                "branches of several problems all of these: problem=(one, other)"
             )
         problem = problem.sized({name: np.size(first[name]) for name in problem.start})
         for name, value in problem.start.items():

@@ -206,7 +206,7 @@ class Crossings:
     @staticmethod
     def solve(point: Point) -> tuple[Solution, dict[str, Any]]:
         branch_point = crossing(point.curve, point.z)
-        detail: dict[str, Any] = {"tangents": branch_point.tangents}
+        detail: dict[str, Any] = {"tangents": [*branch_point.tangents]}
         if branch_point.double:
             detail["reason"] = "the derivative loses more than one rank: not a simple branch point"
         return branch_point.solution, detail

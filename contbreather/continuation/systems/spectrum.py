@@ -49,6 +49,15 @@ _CIRCLE = 1e-4  # how far off the unit circle multipliers on it may be: a root s
 _EXACT = 1e-12  # relative change of trace and determinant that ends the iteration for a pair
 
 
+def counted(multipliers: Values) -> str:
+    """Say how many multipliers are unstable, and how many are on the unit circle to within
+    rounding, as at an event."""
+    sizes = abs(multipliers)
+    on = np.count_nonzero(abs(sizes - 1) <= OUTSIDE - 1)
+    count = f"{np.count_nonzero(sizes > OUTSIDE)} unstable"
+    return f"{count}, {on} on the unit circle" if on else count
+
+
 # --- test functions of eigenvalues --------------------------------------------------------------
 
 
