@@ -197,6 +197,8 @@ def test_a_branch_as_a_table_is_that_of_the_library(run: Run) -> None:
     assert Path("b.csv").read_text() == cb.load("b.nc").to_csv("own.csv").read_text()
     counts = {row["label"]: row["unstable"] for row in table("b.csv")}
     assert (counts["VI1"], counts["LP1"], counts["GR1"]) == ("", "", "0.0")
+    in_rows = ["" if count is None else str(count) for count in content["columns"]["unstable"]]
+    assert in_rows == [row["unstable"] for row in table("b.csv")]
     assert {*counts} == {"", *(point["label"] for point in content["special"])}
     assert Path("b.pdf").read_bytes().startswith(b"%PDF")
 

@@ -239,8 +239,9 @@ def lives_on(branch: cb.Branch) -> dict[str, Any]:
 
 def branch_entry(branch: cb.Branch) -> dict[str, Any]:
     """A branch for JSON: all columns, special points, and why it ends where it does."""
+    columns = branch.columns()
     return {
-        "columns": {name: of for name in branch.names if (of := branch[name]).ndim == 1},
+        "columns": {name: columns[name] for name in branch.names if columns[name].ndim == 1},
         "special": [point_entry(point) for point in branch.special],
         "doubtful": [point_entry(point) for point in branch.doubtful],
         "ends": end_sentences(branch),
