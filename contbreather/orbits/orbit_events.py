@@ -272,15 +272,15 @@ class _Pair:
         circle = OnCircle(self.radius(map))
         if map.lattice.sites is None:
             return representation.locus(circle, point, angle, domain={"k": (0.0, _ELASTIC)})
-        if not isinstance(map, RingHalfMap):
-            ends = tuple(_turns_real(circle.radius, point))
-        else:
+        if isinstance(map, RingHalfMap):
             # what is closer is on the circle, as both pairs are where they meet
             others, beyond = _others(map, circle.radius, angle), circle.radius * (1.0 + 1e-8)
             outside = passing(others, beyond)[1] + _real_pairs(others, beyond)
-            ends = (_Next(self, circle.radius, outside).event(),)
+            events = [_Next(self, circle.radius, outside).event()]
+        else:
+            events = [*_turns_real(circle.radius, point), _Another(self, circle.radius).event()]
         domain = COUPLED if held_by_neighbours(point.solution) else {}
-        return representation.locus(circle, point, angle, events=ends, domain=domain)
+        return representation.locus(circle, point, angle, events=tuple(events), domain=domain)
 
 
 def _is_elastic(map: Any) -> bool:
@@ -289,34 +289,52 @@ def _is_elastic(map: Any) -> bool:
 
 
 @dataclass(frozen=True)
-class _Next:
-    """Point at which another pair of a ring reaches the circle as well: beyond, the one that was
-    followed is not the first to be there any more, and the rule's line goes on with the other. Of
-    other pairs so many were `outside` where it set out, two real multipliers alike in sign counting
-    as one: where these become a complex pair nothing ends."""
+class _Another:
+    """Point at which another pair passes the circle as well."""
 
     pair: _Pair
     radius: float
-    outside: int
 
     def event(self) -> Event:
         base = Event("NS", self.pair.test, locus=self.locus, examine=_examine_angle)
-        return CodimensionTwo("NS-NS", self.test, ends="domain", base=base, examine=self.examine)
+        # where one outside turns real the test goes on with the next
+        return CodimensionTwo(
+            "NS-NS", self.test, count=self.count, base=base, examine=self.examine, may_jump=True
+        )
 
     def others(self, point: Point) -> NDArray[np.complex128]:
         return _others(point.solution.map, self.radius, point["nu"])
 
     def test(self, point: Point) -> float:
-        mu = self.others(point)
-        pairs = np.sort(abs(upper(mu)))[::-1]
-        known = max(self.outside - _real_pairs(mu, self.radius), 0)
-        return self.radius - float(pairs[known:].max(initial=0.0))
+        return passing(self.others(point), self.radius)[0]
+
+    def count(self, point: Point) -> int:
+        return passing(self.others(point), self.radius)[1]
 
     def examine(self, point: Point) -> Mapping[str, Any]:
         return {"next": nearest_pair(self.others(point), self.radius)}
 
     def locus(self, point: Point) -> DefiningSystem:
         return self.pair.following(point, point.detail["next"])
+
+
+@dataclass(frozen=True)
+class _Next(_Another):
+    """Point at which another pair of a ring reaches the circle: beyond, the one that was followed
+    is not the first to be there any more, and the rule's line goes on with the other. Of other
+    pairs so many were `outside` where it set out, two real multipliers alike in sign counting as
+    one: where these become a complex pair nothing ends."""
+
+    outside: int
+
+    def event(self) -> Event:
+        return replace(super().event(), count=None, may_jump=False, ends="domain")
+
+    def test(self, point: Point) -> float:
+        mu = self.others(point)
+        pairs = np.sort(abs(upper(mu)))[::-1]
+        known = max(self.outside - _real_pairs(mu, self.radius), 0)
+        return self.radius - float(pairs[known:].max(initial=0.0))
 
 
 def _others(map: Any, radius: float, angle: float) -> NDArray[np.complex128]:
@@ -478,9 +496,10 @@ def neimark_sacker(*, threshold: float | None = None, every: bool = False) -> Ev
     ----------
     threshold : float, optional
         On finite lattices: the modulus over the whole period that a pair must pass, 1.005 in the
-        paper. A boundary of a ring without damping and springs ends where another of its waves
-        gets there first (NS-NS); `contbreather.paper.threshold.neimark_sacker_line` puts the
-        pieces together. Others follow one pair, also where another one is outside.
+        paper. On its boundary NS-NS is where another pair gets there, too: that of a ring without
+        damping and springs ends there, as the first pair is the rule
+        (`contbreather.paper.threshold.neimark_sacker_line` puts the pieces together), others follow
+        theirs beyond.
     every : bool
         Of motions by exact modes, with damping or springs for instance: each pair that passes the
         threshold, as in zones with damping, not the first alone.

@@ -282,6 +282,29 @@ def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> No
         assert third < threshold - 1e-5
 
 
+def test_curves_of_two_pairs_of_a_damped_ring_meet_where_either_has_the_other_beside_it() -> None:
+    """On either curve: from branches at two couplings, each of which begins with another pair."""
+    circle, window = cb.neimark_sacker(threshold=1), {"gamma": (0.07, 0.13), "damping": (0.01, 0.1)}
+    meetings = []
+    for gamma in (0.08, 0.12):
+        start = cb.symmetric(0.4, gamma, 0.9, damping=0.1, lattice=cb.Ring(15))
+        branch = cb.trace(start, "damping", within=window, events=[circle], towards="down")
+        curve = cb.boundary(branch.first("NS"), ("gamma", "damping"), within=window)
+        assert [point.kind for point in curve.special] == ["EP", "NS-NS", "EP"]
+        assert not curve.doubtful
+        meetings.append(curve.first("NS-NS"))
+        # the first outside is the pair whose side it is
+        for point in curve:
+            alone = abs(point.solution.multipliers()).max() < 1 + 1e-8
+            there = (point["gamma"] < meetings[-1]["gamma"]) == (gamma == 0.08)
+            assert alone == (there or point.kind == "NS-NS")
+    one, other = ([point["gamma"], point["damping"]] for point in meetings)
+    assert one == pytest.approx(other, abs=1e-10)
+    mu = np.sort(abs(meetings[0].solution.multipliers()))[::-1]
+    assert mu[:4] == pytest.approx(1, abs=1e-10)
+    assert mu[4] < 0.99
+
+
 @pytest.mark.parametrize("gamma", [0.01, 0.03, 0.1])
 def test_elastic_impacts_lose_stability_where_the_count_jumps(gamma: float) -> None:
     branch = cb.trace(cb.symmetric(0.3, gamma, 1.0), "a", within={"a": (0.05, 1.0)})
