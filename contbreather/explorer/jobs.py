@@ -98,11 +98,15 @@ class JobThread:
             self._turn.notify_all()
 
     def stop(self) -> None:
-        """End the job that runs, which hands over what is done, and forget the one that waits."""
+        """End the job that runs, which hands over what is done, and the one that waits, of which
+        nothing is."""
         with self._turn:
-            self._next = None
+            waited, self._next = self._next, None
             if self._now is not None:
                 self._now.stop.set()
+        if waited is not None:
+            _, _, done = waited
+            done(None, True, "")
 
     def join(self, timeout: float | None = None) -> bool:
         with self._turn:

@@ -125,6 +125,25 @@ def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     assert not explorer.busy
 
 
+def test_work_that_is_stopped_before_it_began_has_an_end_too() -> None:
+    """Whoever began it waits for that: no button could be pressed again."""
+    thread, held, free = jobs.JobThread(), threading.Event(), threading.Event()
+    heard: list[Any] = []
+
+    def holds(_: Progress) -> None:
+        held.set()
+        assert free.wait(HUNG)
+
+    thread.begin(holds, say=str, done=lambda *_: heard.append("first"))
+    assert held.wait(HUNG)
+    thread.begin(lambda _: 1, say=str, done=lambda *ended: heard.append(ended))
+    thread.stop()
+    assert heard == [(None, True, "")]
+    free.set()
+    assert thread.join(HUNG)
+    assert heard[1:] == ["first"]
+
+
 def test_a_simulation_stops_with_the_periods_that_are_done() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
