@@ -152,6 +152,7 @@ def test_the_command_writes_data_and_a_picture(run: Run) -> None:
     assert Path("atlas.csv").read_text().count("\n") == 1 + len(content["atlas"]["a"])
 
 
+@pytest.mark.slow
 def test_atlases_are_of_damped_finite_lattices(run: Run) -> None:
     """Curves, file and JSON are of the lattice that was typed."""
     on = "--lattice open:3 --site 1 --damping 0.02 --gamma-window 0.03 0.0301"

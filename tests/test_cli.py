@@ -98,6 +98,7 @@ def test_the_point_is_the_root_that_is_admissible(run: Run) -> None:
     assert "Further roots of (11): p = 0.566994652 (not admissible)." in run(line)[1]
 
 
+@pytest.mark.slow
 def test_zones_of_both_families_are_drawn_when_asked_for(run: Run) -> None:
     line = "zones --k 0.8 --gamma-window 0.15 0.2 --a-window 0.3 1.2"
     assert "a lower one, p = " in run(f"{line} --csv zones.csv")[1]
@@ -108,6 +109,7 @@ def test_zones_of_both_families_are_drawn_when_asked_for(run: Run) -> None:
     assert {region["verdict"] for region in told} == {"US"}
 
 
+@pytest.mark.slow
 def test_zones_say_what_is_beyond_grazing_when_asked(run: Run) -> None:
     line = "zones --k 0.8 --gamma-window 0.15 0.2 --a-window 0.3 1.2 --beyond --json"
     told = strict(run(line)[1])["zones"][0]["regions"]
@@ -190,6 +192,7 @@ def test_branch_in_a_letter_of_the_forcing(run: Run) -> None:
     assert columns["p"][-1] == pytest.approx(0.669089966883616, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_branch_as_a_table_is_that_of_the_library(run: Run) -> None:
     """With all digits, and no count at a fold nor where multipliers mean nothing."""
     content = strict(run(f"{BRANCH} --csv b.csv -o b.pdf --save b.nc --json")[1])
@@ -225,6 +228,7 @@ def test_boundary_of_each_kind_in_any_pair_is_the_library_s(run: Run, kind, pair
     assert {free: columns[free] for free in pair} == {free: own[free].tolist() for free in pair}
 
 
+@pytest.mark.slow
 def test_doublings_are_found_on_an_arm(run: Run) -> None:
     content = strict(run("boundary pd --k 0.95 --json")[1])
     ends = {point["label"]: (point["gamma"], point["a"]) for point in content["special"]}
@@ -297,6 +301,7 @@ def test_zones_print_for_programs_without_writing(run: Run) -> None:
     assert pf["a"] == own.curves["PF"][0]["a"].tolist()
 
 
+@pytest.mark.slow
 def test_zones_in_planes_of_the_frequency_are_those_of_the_library(run: Run) -> None:
     window = {"omega": (0.7, 1.0)}
     status, out, _ = run("zones --k 0.8 --gamma 0.05 --omega-window 0.7 1 --json")
@@ -323,6 +328,7 @@ def test_the_table_of_zones_is_that_of_the_library(run: Run) -> None:
     assert {row["unstable"] for row in rows} == {"1.0", ""}  # empty where curves meet
 
 
+@pytest.mark.slow
 def test_a_window_that_is_cut_says_so(run: Run) -> None:
     line = "zones --k 0.8 --gamma-window 0.2 0.3 --json"
     status, out, err = run(line)
@@ -361,6 +367,7 @@ def test_help_names_every_parameter_that_may_vary(run: Run) -> None:
 # --- figure and the rest ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_figure_writes_its_picture_and_says_what_is_exact(run: Run) -> None:
     status, out, _ = run("figure 4")
     assert status == DONE

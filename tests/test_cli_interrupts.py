@@ -51,6 +51,7 @@ class Clock:
         monkeypatch.setattr(owner, name, counted)
 
 
+@pytest.mark.slow
 @pytest.mark.apart
 def test_what_is_done_is_written_and_marked_as_cut_short(run: Run, monkeypatch: pytest.MonkeyPatch):
     clock = Clock(monkeypatch)
@@ -100,6 +101,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch, times: int) -> None:
     monkeypatch.setattr(plotting, "plot", interrupted)
 
 
+@pytest.mark.slow
 @pytest.mark.apart
 def test_while_it_writes_one_interruption_waits_and_a_second_does_not(run, monkeypatch):
     with monkeypatch.context() as patch:
@@ -163,6 +165,7 @@ def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
     assert json.loads(out)["interrupted"]
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
 @pytest.mark.parametrize(
     ("line", "to_all"),
@@ -209,6 +212,7 @@ IMPORTED = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("line", "module"), IMPORTED)
 def test_one_that_comes_during_an_import_is_not_lost(tmp_path: Path, line: str, module: str):
     one = process(line, tmp_path, script=["-c", AMID_IMPORT, module])
@@ -253,6 +257,7 @@ ODD = [
 ]  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("line", "env"), ODD)
 def test_odd_terminals_and_settings_do_no_harm(tmp_path: Path, line: str, env: dict[str, str]):
     one = process(line, tmp_path, env=env)

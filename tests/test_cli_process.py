@@ -75,6 +75,7 @@ def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
 BRANCH = "branch --free a --gamma 0.08 --k 0.8 --window 0.5 0.55 --csv -"
 
 
+@pytest.mark.slow
 def test_a_table_on_standard_output_has_it_to_itself() -> None:
     done = ended("-m", "contbreather", *BRANCH.split())
     header, *rows = done.stdout.splitlines()

@@ -112,6 +112,7 @@ def test_a_null_vector_is_shown_by_the_names_of_its_unknowns(run: Run) -> None:
     assert re.fullmatch(r"null = t1 -?0\.\d+, J1 -?0\.\d+\.", line)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "name"),
     [

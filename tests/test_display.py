@@ -159,6 +159,7 @@ def pictures_of(shown: str) -> list[str]:
     return re.findall(r"<svg.*?</svg>", shown, flags=re.DOTALL)
 
 
+@pytest.mark.slow
 def test_each_value_shows_a_picture_and_a_table_and_fetches_nothing(values) -> None:
     for name, value in values.items():
         shown = value._repr_html_()
@@ -373,6 +374,7 @@ CELLS = [
 ]
 
 
+@pytest.mark.slow
 def test_a_fresh_notebook_shows_progress_the_first_plot_and_values(monkeypatch) -> None:
     """No widgets, no magic command, no import of pyplot."""
     monkeypatch.delenv("MPLBACKEND", raising=False)  # a notebook's own

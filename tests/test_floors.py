@@ -187,6 +187,7 @@ def outside_the_engine(found: list[Import]) -> list[str]:
 # --- the tests --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_no_module_imports_from_a_higher_floor() -> None:
     assert upward(imports_of(PACKAGE), FLOORS) == []
 

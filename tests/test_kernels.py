@@ -83,6 +83,7 @@ print("numba" in sys.modules, "llvmlite" in sys.modules and sys.modules["llvmlit
 """
 
 
+@pytest.mark.slow
 def test_a_process_without_compiled_code_computes_the_same() -> None:
     """Bit for bit, but for places of curves: plain steps add up their terms in another order."""
     pytest.importorskip("numba")
@@ -176,6 +177,7 @@ def built(root: Path, folder: Path, version: str, asked: str) -> Path:
     return Path(said.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_a_wheel_has_objects_beside_their_source_and_says_where_it_fits(scratch, tmp_path):
     wheel = built(scratch, tmp_path, "standard", "1")
     names = zipfile.ZipFile(wheel).namelist()
@@ -230,6 +232,7 @@ def greedy(x: Vector) -> None:
     x[0] = np.empty(3)[0]
 
 
+@pytest.mark.slow
 def test_the_compiler_removes_what_is_of_an_older_text_and_leaves_what_others_made(
     scratch: Path, tmp_path: Path
 ) -> None:

@@ -76,6 +76,7 @@ print(json.dumps(used))
 """
 
 
+@pytest.mark.slow
 def test_no_other_thread_works_and_those_of_the_user_are_left_alone() -> None:
     unset = dict.fromkeys((*THREADS, "BLIS_NUM_THREADS"), "")
     run = ended("-c", AS_A_USER, env=unset)

@@ -146,6 +146,7 @@ def test_ends_of_several_branches_are_dots_without_names(in_a: Branch) -> None:
     assert len(dots) == sum(point.kind == "EP" for b in (in_a, other) for point in b.special)
 
 
+@pytest.mark.slow
 def test_points_of_several_branches_in_a_corner_are_named_once_by_their_kind() -> None:
     """The doublings of a cascade, each the first of its branch, crowd at its end: PD1 all of them,
     and not one point that is there five times."""
@@ -267,6 +268,7 @@ def test_a_legend_of_zones_in_axes_of_ones_own_is_off_their_curves_and_title(dia
         assert not path.intersects_bbox(box, filled=False)
 
 
+@pytest.mark.slow
 def test_legends_in_axes_of_ones_own_are_whole_and_off_other_panels() -> None:
     from matplotlib.figure import Figure
 
@@ -291,6 +293,7 @@ def test_legends_in_axes_of_ones_own_are_whole_and_off_other_panels() -> None:
             )
 
 
+@pytest.mark.slow
 def test_beyond_some_names_a_legend_of_kinds_takes_their_place() -> None:
     """Six branches have thirty special points: no name of one is read among the others."""
     wave = cb.Problem(lambda x, p: p["mu"] - p["c"] * np.sin(x), {"x": 0.0}, {"mu": 0.0, "c": 1.0})
@@ -367,6 +370,7 @@ def test_what_is_drawn_otherwise_is_refused_with_the_way(draw, sentence, in_a, d
         draw(in_a, diagram)
 
 
+@pytest.mark.slow
 def test_plot_draws_anything_that_was_computed(in_a: Branch, diagram: Zones) -> None:
     """As the function for it does: the same words and as many lines."""
     for value, draw in (
@@ -497,6 +501,7 @@ def test_names_of_meetings_keep_off_axes_points_and_each_other(gamma, diagram: Z
         assert box.y1 < frame.y1
 
 
+@pytest.mark.slow
 def test_axes_go_as_far_as_breathers_in_the_window() -> None:
     """Between a = 0.95 and 0.99 breathers exist down to gamma = 0, left of every curve."""
     window = {"a": (0.95, 0.99)}
@@ -564,6 +569,7 @@ def test_one_multiplier_far_out_leaves_the_circle_as_large_as_it_was() -> None:
     assert f"{largest:.4f}" in {text.get_text() for text in words(ax)}
 
 
+@pytest.mark.slow
 def test_of_many_multipliers_off_the_band_the_farthest_have_names() -> None:
     """Each of six sites that hit has multipliers of its own."""
     orbit = cb.multibreather(range(0, 24, 2), a=0.5, gamma=0.03, k=0.8, lattice=cb.Ring(24))
@@ -621,6 +627,7 @@ def test_what_has_no_figure_is_refused(given, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_drawing_and_saving_does_without_pyplot(tmp_path: Path) -> None:
     """pyplot opens windows and keeps every figure; a library has no business with it."""
     code = (
@@ -662,6 +669,7 @@ def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(in_
     assert set(two).isdisjoint(one)
 
 
+@pytest.mark.slow
 def test_a_figure_is_saved_by_whatever_is_drawn_in_it(in_a: Branch, tmp_path: Path) -> None:
     drawn = plots.plot(in_a)
     plots.save_figure(drawn, tmp_path / "one.svg")  # which settles the layout, to rounding

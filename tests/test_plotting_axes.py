@@ -61,6 +61,7 @@ def test_every_branch_of_breathers_is_drawn_by_its_momentum(name: str) -> None:
     assert [min(ends), max(ends)] == pytest.approx(sorted(want), abs=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "start",
     [cb.symmetric(0.7, 0.04, 0.8), cb.symmetric(0.7, 0.04, 0.8, lattice=RING, damping=0.01)],
@@ -278,6 +279,7 @@ def test_a_long_run_over_space_and_time_is_the_largest_displacement_in_a_period(
     assert ax.get_ylim() == pytest.approx((0, 60), abs=1 / 16)
 
 
+@pytest.mark.slow
 def test_of_more_periods_than_a_picture_has_rows_several_are_one(state) -> None:
     sample = Sample(range(6), per_period=8)
     run = simulate_smooth(state, periods=310, m=6, sample=sample, **LONG)

@@ -232,6 +232,7 @@ def test_multipliers_of_cycles_are_drawn_along_their_branch_and_in_the_plane(cyc
     assert word.get_text() == f"{math.exp(-4 * math.pi * cycles['mu'][-1]):.5f}"
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 def test_an_infinite_multiplier_is_shown_at_the_edge() -> None:
     """At VI, where the others are not known."""

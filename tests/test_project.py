@@ -36,14 +36,18 @@ def test_each_set_up_is_one_line_that_makes_its_environment() -> None:
 
 def test_first_command_draws_the_zones_and_second_runs_the_tests() -> None:
     assert command("zones").endswith("&& .venv/bin/contbreather zones")
-    assert command("test").endswith('-e ".[test]" && .venv/bin/python -m pytest -n auto')
+    assert command("test").endswith(
+        '-e ".[test]" && .venv/bin/python -m pytest -n auto -m "not slow"'
+    )
 
 
-def test_the_readme_s_command_runs_slow_tests_too() -> None:
+def test_what_the_readme_s_command_leaves_out_the_checks_run() -> None:
     options = PROJECT["tool"]["pytest"]["ini_options"]
     assert [marker.split(":")[0] for marker in options["markers"]] == ["slow"]
-    assert not any("slow" in one for one in [*options["addopts"], command("test")])
-    assert '-m "not slow"' in README
+    assert not any("slow" in one for one in options["addopts"])
+    slow = ".venv/bin/python -m pytest -n auto -m slow"
+    assert f"`{slow}`" in README
+    assert slow.replace("-m slow", "-q -m slow") in CHECKS
 
 
 def test_checks_read_the_test_command_from_the_readme(tmp_path: Path) -> None:

@@ -49,6 +49,7 @@ def test_simulated_run_comes_back_bit_by_bit(make: Callable[[], Any], tmp_path: 
         assert np.array_equal(further[0].impacts, further[1].impacts)
 
 
+@pytest.mark.slow
 def test_motion_that_returns_comes_back_with_its_equations(tmp_path: Path) -> None:
     found = periodic(STATE, **ON, damping=0.02, symmetric=True)
     branch = cb.trace(found, "a", within={"a": (0.48, 0.52)}, events=())
@@ -139,6 +140,7 @@ for name in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
 def test_a_process_that_has_done_nothing_else_reads_and_writes_files_without_xarray(tmp_path: Path):
     kinds = {name: TABLES[name]() for name in ("branch", "diagram", "zones", "run", "smooth")}

@@ -118,6 +118,7 @@ def variants(image: bytes, rng: np.random.Generator) -> Iterator[tuple[str, byte
         yield f"{group}: {what}", memory.getvalue()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MADE)
 def test_what_makes_no_sense_is_refused_at_the_door(name: str, tmp_path: Path) -> None:
     path = tmp_path / "run.nc"

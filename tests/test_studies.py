@@ -103,6 +103,7 @@ def test_a_part_that_is_lost_is_computed_again_to_the_last_digit(study: Path, do
     assert all(np.array_equal(before[name], after[name], equal_nan=True) for name in before.names)
 
 
+@pytest.mark.slow
 def test_results_of_other_settings_are_replaced_only_on_demand(done: Report) -> None:
     other = done.folder.parent / "other.toml"
     other.write_text(SMALL.replace("[0.01, 0.05]", "[0.01, 0.06]"))
@@ -114,6 +115,7 @@ def test_results_of_other_settings_are_replaced_only_on_demand(done: Report) -> 
     assert max(cb.load(copied)["pitchforks/gamma=0.02"]["gamma"]) == 0.06
 
 
+@pytest.mark.slow
 def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) -> None:
     more = done.folder.parent / "more.toml"
     shutil.copytree(done.folder, more.with_suffix(""))
@@ -516,6 +518,7 @@ beyond = true
 """
 
 
+@pytest.mark.slow
 def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
     """Its results are those of the library, asked for the same; unsaid is the library's default."""
     results: dict[str, Any] = {}
@@ -560,6 +563,7 @@ def test_every_key_of_a_study_reaches_the_library(tmp_path: Path) -> None:
 # --- interruptions and clusters -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_an_interrupted_study_says_what_is_done_and_goes_on(study: Path, tmp_path: Path) -> None:
     def stopping(line: str) -> None:
         if line.startswith("3 of 6"):

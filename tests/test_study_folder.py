@@ -108,6 +108,7 @@ def test_a_figure_that_was_touched_up_since_is_left_as_it_is(tmp_path: Path) -> 
     assert drawn.read_bytes() == first
 
 
+@pytest.mark.slow
 def test_a_study_that_was_killed_at_any_write_goes_on(tmp_path, monkeypatch):
     """What is half done when a process dies is no file of others: each write is the last once."""
     path, replace, whole = study(tmp_path), os.replace, None

@@ -57,6 +57,7 @@ def test_results_come_in_order_from_processes_with_one_thread(tmp_path: Path) ->
     assert {threads for _, _, threads in found} == {"1"}
 
 
+@pytest.mark.slow
 def test_what_was_lost_with_its_worker_is_done_again_and_then_is_a_failure(tmp_path: Path) -> None:
     found = list(each(dies, [(i, tmp_path) for i in range(12)], executor=2))
     assert [one for one in found if not isinstance(one, Failed)] == [*range(3), *range(4, 12)]
@@ -216,6 +217,7 @@ def test_branches_over_a_grid_are_those_that_trace_finds() -> None:
         assert all(np.array_equal(branch[name], own[name]) for name in own.names)
 
 
+@pytest.mark.slow
 def test_many_zones_are_those_of_each_value() -> None:
     few = {"gamma": (0.0, 0.015)}
     drive = cb.Symbolic("cos(t) + c3*cos(3*t)", c3=0.0)
@@ -239,6 +241,7 @@ def test_what_many_zones_are_over_is_checked_first() -> None:
         cb.zones_many([0.8, float("nan")])
 
 
+@pytest.mark.slow
 def test_what_a_script_defines_is_sent_as_it_is_and_needs_no_guard(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(

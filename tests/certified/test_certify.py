@@ -175,6 +175,7 @@ def test_ends_that_differ_are_printed_differently() -> None:
     assert Interval(0.3, 0.3).text == "[0.3, 0.3]"
 
 
+@pytest.mark.slow
 def test_the_branch_at_half_the_amplitude_is_proved_where_it_exists() -> None:
     b = cb.symmetric(a=0.5, gamma=0.0, k=0.8)
     branch = cb.trace(b, "gamma", within={"gamma": (0.0, 0.24)}, towards="up")

@@ -228,6 +228,7 @@ def test_names_of_the_locus_that_the_problem_has_already_are_refused_when_it_is_
         cb.boundary(branch.first("LP"), ("null", "h"))
 
 
+@pytest.mark.slow
 def test_an_iteration_that_goes_astray_on_a_curve_of_hopf_points_prints_nothing(capfd) -> None:
     def circuit(u, p):  # HB crosses BP, nu = -be, at be = 0.6
         x, y, z = u

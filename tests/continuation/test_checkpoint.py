@@ -82,6 +82,7 @@ def test_file_is_a_beginning_of_the_branch_at_any_moment(written, tmp_path):
     assert repr(found[-1]) == repr(branch) == repr(cb.load(path))
 
 
+@pytest.mark.slow
 def test_longer_work_keeps_all_of_it(written: Callable[[], list[Any]], tmp_path: Path) -> None:
     """Arms beside each other, boundaries with where they come from, diagrams with their tree."""
     mine = cb.Problem(lambda x, p: x * (p["mu"] - x**2), {"x": 0.0}, {"mu": -1.0})

@@ -203,6 +203,7 @@ def test_what_leaves_at_the_edge_of_the_window_and_lies_beyond_is_not_there() ->
         assert tree[0].special[-1]["r"] == pytest.approx(edge)
 
 
+@pytest.mark.slow
 def test_the_cascade_goes_on_where_cycles_are_all_but_their_parents() -> None:
     """A cycle of period 32 is born 1e-5 beside its parent: told apart by the way from the place."""
     tree = diagram(logistic(), "r", within={"r": (1.5, 3.5698)}, depth=6)
@@ -302,6 +303,7 @@ def test_arms_that_fail_are_kept_with_the_reason_and_the_rest_goes_on() -> None:
     assert "1 arm not followed" in tree.describe()
 
 
+@pytest.mark.slow
 def test_an_interruption_at_any_moment_hands_over_what_there_is() -> None:
     whole = Counted(two_levels)
     grown(Problem(whole, {"x": 0.0, "y": 0.0}, {"mu": -0.7}))

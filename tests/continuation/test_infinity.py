@@ -24,6 +24,7 @@ def far(values: Callable[[Any], Any], unit: float = 1.0, **more: Any) -> Branch:
     return trace(problem, "mu", along=along, **{"events": (), "steps": Steps(most=600), **more})
 
 
+@pytest.mark.slow
 def test_a_curve_of_folds_ends_where_a_parameter_vanishes() -> None:
     """u grows as eps^-2 and lam falls as exp(-1/eps): eps alone would go on for ever."""
     bratu = ignition(chebyshev(7))
@@ -64,6 +65,7 @@ def test_what_tends_to_another_limit_than_zero_is_not_said_to_vanish() -> None:
     assert branch.reason == "x grows without bound while mu tends to 0.0001"
 
 
+@pytest.mark.slow
 def test_a_window_says_how_far_to_go_instead() -> None:
     assert far(FALLS["exponential"], within={"x": (0.0, 60.0)})[-1]["x"] == 60.0
     for fall in FALLS.values():

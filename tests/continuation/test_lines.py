@@ -22,6 +22,7 @@ from .lines import eaten
 from .zoo import ALL, Array, events_of, rotated
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", lines.LINES)
 def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> None:
     line, curve = lines.LINES[name], lines.walked(lines.LINES[name])
@@ -35,6 +36,7 @@ def test_a_boundary_runs_where_it_should_and_meets_what_it_should(name: str) -> 
     assert line.doubtful in reasons if line.doubtful else not curve.doubtful
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "kind", "other", "accuracy"),
     [
@@ -62,6 +64,7 @@ def test_from_a_meeting_the_other_curve_is_followed(line, kind, other, accuracy)
         assert curve["b2"].min() == -2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("line", [lines.LINES["two pairs"], lines.TWO_ROTATIONS])
 @pytest.mark.parametrize(("first", "other"), ["mk", "km"])
 def test_from_two_pairs_the_curve_of_the_other_pair_is_followed(line, first, other) -> None:
@@ -231,6 +234,7 @@ def test_a_curve_of_branch_points_ends_at_the_wall_behind_which_branches_come_ap
     assert abs(line["split"]).max() < 1e-12
 
 
+@pytest.mark.slow
 def test_curves_of_branch_points_go_on_where_null_vectors_turn_by_more_than_a_right_angle() -> None:
     def pitchfork(x, p):  # at m = 0, the left null vector at the angle a and the right one at -2 a
         u, v = rotated(x, 2 * p["a"])
@@ -245,6 +249,7 @@ def test_curves_of_branch_points_go_on_where_null_vectors_turn_by_more_than_a_ri
     assert len(line) < 120  # 255 where the steps are short beside poles
 
 
+@pytest.mark.slow
 def test_crossing_boundaries_and_curves_of_branch_points_go_on_from_a_file(tmp_path: Path) -> None:
     problem = lines.DOUBLED_PREY.problem
     cb.save(tmp_path / "pd.nc", lines.walked(lines.DOUBLED_PREY))
@@ -300,6 +305,7 @@ def bazykin_folds() -> cb.Branch:
     return cb.boundary(branch.first("LP"), ("alpha", "delta"), within=BAZYKIN_WINDOW, steps=LONG)
 
 
+@pytest.mark.slow
 def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
     curve = bazykin_folds()
     assert curve.stop is Stop.CLOSED
@@ -353,6 +359,7 @@ def test_a_hopf_curve_on_which_a_real_eigenvalue_passes_zero_has_no_gh_there() -
     assert (lines.kinds(curve), curve.doubtful) == ([], ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sparse", [False, True])
 def test_where_two_curves_of_branch_points_cross_there_is_no_takens_bogdanov_point(sparse) -> None:
     """A double zero, but with a null vector for each."""
@@ -375,6 +382,7 @@ def test_where_two_curves_of_branch_points_cross_there_is_no_takens_bogdanov_poi
     assert np.ptp(curve["b"]) > 1.5
 
 
+@pytest.mark.slow
 def test_a_place_beside_a_branch_point_on_a_hopf_curve_of_a_sparse_problem_is_no_fold() -> None:
     """As far off as the location of a test leaves it, on a mesh, where the others are small, too:
     beside an oscillation a diffusion whose first mode begins to grow at b = 0."""

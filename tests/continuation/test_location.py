@@ -51,6 +51,7 @@ def places(branch: Branch) -> list[float]:
 # --- zeros ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @settings(max_examples=25, derandomize=True)
 @given(st.lists(st.floats(-0.99, 0.99), min_size=1, max_size=6, unique=True), st.floats(0.01, 3.0))
 def test_all_events_in_one_step_are_found_in_order(values: list[float], largest: float) -> None:
@@ -219,6 +220,7 @@ def test_a_step_that_would_end_on_a_branch_point_is_shortened() -> None:
     assert back.doubtful == ()
 
 
+@pytest.mark.slow
 def test_a_step_that_ends_on_a_branch_point_leaves_nothing_in_doubt() -> None:
     """From a point of an arm the same steps lead back to where it set out from."""
     within = {"r": (0.5, 20)}
@@ -378,6 +380,7 @@ def test_a_hopf_point_beside_fast_variables_is_found(stiff: float, start: float)
     assert branch.doubtful == ()
 
 
+@pytest.mark.slow
 def test_a_double_zero_beside_fast_variables_is_found_on_both_of_its_curves() -> None:
     def flow(u: zoo.Array, p: Mapping[str, float]) -> zoo.Array:
         x, y, z = u
@@ -454,6 +457,7 @@ def test_a_double_zero_eigenvalue_is_told_from_a_neutral_saddle() -> None:
 # --- jumps by the thousand ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("times", "counted", "most", "said"),
     [(1e6, False, 1e4, "more than"), (1e4, True, 1e3, "too often")],

@@ -61,6 +61,7 @@ def cascade(doublings: int) -> tuple[Branch, ...]:
     return tuple(branches)
 
 
+@pytest.mark.slow
 def test_logistic_cascade_to_period_sixteen_and_beyond() -> None:
     places = []
     for i, branch in enumerate(cascade(4)):
@@ -123,6 +124,7 @@ def test_a_cycle_written_with_too_long_a_period_is_known_as_the_shorter_one() ->
 # --- other maps -------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "r"), [(1, 0.8), (2, 0.5)])
 def test_bouncing_ball_doubles_its_period_where_the_formula_says(n: int, r: float) -> None:
     ball = of_map(
@@ -176,6 +178,7 @@ def test_an_analytic_jacobian_that_is_wrong_is_refused() -> None:
         trace(wrong, "r")
 
 
+@pytest.mark.slow
 def test_scales_of_a_map_are_heeded() -> None:
     """Henon with x in thousandths and y in thousands."""
     mine = FixedPoint(
@@ -225,6 +228,7 @@ def test_a_tongue_of_a_map_is_walked_round_once() -> None:
     assert branch["m"].min() == pytest.approx(-branch["m"].max(), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_curve_of_folds_goes_on_beyond_a_ring_of_fixed_points() -> None:
     """Of Ikeda's map, on |z|^2 = 14 where no light comes in or is lost: a double multiplier 1, and
     CP, whose normal form is none there, within one step."""
@@ -242,6 +246,7 @@ def test_a_curve_of_folds_goes_on_beyond_a_ring_of_fixed_points() -> None:
     assert [ring["R"], ring["C"], ring["x"]] == pytest.approx([0, 1, math.sqrt(14)], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_cycle_of_lozi_s_map_ends_where_it_comes_to_the_kink() -> None:
     """Its two points are at a = 1 - b on the line x = 0, up to which slopes are those of its own
     side."""

@@ -63,6 +63,7 @@ def test_where_a_walk_sets_out_at_a_fold(domain, window, towards: str, side: flo
         assert branch[1]["mu"] == pytest.approx(branch[1]["x"] ** 2)
 
 
+@pytest.mark.slow
 def test_a_step_that_rounding_leaves_to_the_edge_of_a_window_is_made() -> None:
     """Of a map of angles: sin(pi) is 1e-16, and steps of 0.01 end 1e-13 short of K = 6."""
 
@@ -129,6 +130,7 @@ def test_in_which_order_branches_leave_a_branch_point() -> None:
     assert len(orders) == 1
 
 
+@pytest.mark.slow
 def test_null_vectors_on_a_curve_of_folds_have_one_sign() -> None:
     signs = set()
     for seed in SEEDS:

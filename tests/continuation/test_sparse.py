@@ -39,6 +39,7 @@ def folded(road: str, n: int = 50) -> cb.Branch:
     return cb.trace(problem, "lam", within=within, towards="up", events=FEW, steps=steps)
 
 
+@pytest.mark.slow
 def test_dense_sparse_and_coloured_derivatives_give_the_same_points() -> None:
     dense, *others = (folded(road) for road in ("dense", "sparse", "pattern"))
     for other in others:
@@ -71,11 +72,13 @@ def test_a_jacobian_may_come_back_in_the_same_arrays_in_any_order() -> None:
     np.testing.assert_allclose(other["u"], one["u"], rtol=0, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_the_fold_of_bratu_s_problem_is_the_known_one_but_for_the_mesh() -> None:
     coarse, fine = (folded("sparse", n).first("LP")["lam"] for n in (99, 199))
     assert (4 * fine - coarse) / 3 == pytest.approx(bratu_fold(), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_hopf_points_of_the_brusselator_are_those_in_closed_form_on_either_road() -> None:
     n, B, firsts = 20, 6.2, []
     for road in ("dense", "sparse"):
@@ -94,6 +97,7 @@ def test_hopf_points_of_the_brusselator_are_those_in_closed_form_on_either_road(
     assert few["reach"] == np.inf  # no pair can be further up than was looked
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("road", ["dense", "sparse"])
 def test_pairs_that_turn_real_beyond_their_hopf_points_leave_no_doubt(road) -> None:
     branch = cb.trace(brusselator(20, road, L=1.0, B=4.5), "B", within={"B": (4.5, 12)}, events=FEW)
@@ -117,6 +121,7 @@ def test_branches_leave_the_trivial_state_where_the_discrete_symbol_vanishes(roa
     assert not branch.doubtful
 
 
+@pytest.mark.slow
 def test_branches_that_leave_a_large_problem_are_those_of_the_dense_road() -> None:
     def arms(road):
         problem = swift_hohenberg(40, 6 * np.pi, road)
@@ -143,6 +148,7 @@ def test_two_branch_points_within_one_step_are_both_found() -> None:
 # --- what it takes ----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
     """In what the branch says of itself; a full one gets none."""
     thin = cb.Problem(lambda u, p: p["mu"] - u, {"u": np.zeros(500)}, {"mu": 0.0})
@@ -157,6 +163,7 @@ def test_a_dense_derivative_that_is_nearly_all_zeros_gets_a_hint() -> None:
         assert (hint in repr(branch)) == wanted
 
 
+@pytest.mark.slow
 def test_memory_is_linear_in_the_entries_that_are_not_zero() -> None:
     def peak(n: int) -> int:
         problem = bratu(second(n))
@@ -201,6 +208,7 @@ def test_the_norm_of_an_array_is_a_column_a_window_and_an_event() -> None:
 # --- in two parameters ------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_curve_of_folds_meets_the_cusp_of_the_dense_road() -> None:
     """Its derivative is symmetric: no eigenvalue is looked for beside the axis."""
     branch = cb.trace(ignition(15), "lam", within={"lam": (4, 5.2)}, towards="up", events=FEW)
@@ -231,6 +239,7 @@ def in_units(n: int) -> cb.Problem:
     )
 
 
+@pytest.mark.slow
 def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
     events, within, steps = [cb.fold()], {"lam": (4, 5.2)}, cb.Steps(first=0.1)
     lines = []
@@ -244,6 +253,7 @@ def test_a_cusp_of_a_large_problem_does_not_depend_on_its_units() -> None:
     assert one["lam"] == pytest.approx(other["lam"], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:
     n, steps = 20, cb.Steps(most=6)
     branch = cb.trace(
@@ -320,6 +330,7 @@ def test_a_sparse_derivative_in_a_parameter_is_refused() -> None:
         cb.trace(column, "lam", within={"lam": (0, 1)})
 
 
+@pytest.mark.slow
 def test_a_hopf_point_far_up_the_axis_is_seen_among_two_hundred_sparse_unknowns() -> None:
     """Oscillators ``z' = (mu + i w) z`` of w = 1, 2, ..., 100; all but the last one are damped."""
     m = 100
@@ -382,6 +393,7 @@ def test_a_derivative_that_is_not_finite_is_the_edge_of_the_domain_of_many_unkno
     assert branch[-1]["mu"] == pytest.approx(0.5, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("dense", [False, True])
 def test_a_curve_of_branch_points_of_stiff_equations_sets_out(dense: bool) -> None:
     """A beam of 150 points on a foundation: P = l + k / l for l, the second eigenvalue of -D."""

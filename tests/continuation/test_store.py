@@ -198,6 +198,7 @@ def test_what_several_recorded_numbers_look_at_is_made_once_a_point(path: Path) 
     assert load(path)["half"] == pytest.approx(branch["mu"] ** 2 / 2, rel=1e-15)
 
 
+@pytest.mark.slow
 def test_several_branches_come_back_by_name(branch: Branch, path: Path) -> None:
     line = boundary(branch.first("HB"), ("A", "B"), within={"A": (0.5, 2.0)})
     arms = zoo.trace_case(zoo.ARMS, events=[fold()])
@@ -249,6 +250,7 @@ def test_without_equations_a_branch_cannot_be_continued_and_says_so(branch: Bran
             attempt()
 
 
+@pytest.mark.slow
 def test_with_its_equations_a_branch_goes_on(branch: Branch, problem: Problem, path: Path) -> None:
     save(path, branch)
     found = load(path, problem=problem)
@@ -267,6 +269,7 @@ def test_other_values_of_fixed_parameters_are_those_of_the_file(branch, problem,
     assert trace(found[3], "B", within={"B": (0.5, 3.0)}).stop is Stop.BOUND
 
 
+@pytest.mark.slow
 def test_a_boundary_goes_on_from_a_file(path: Path) -> None:
     window = {"b2": (-1.5, 1.5)}
     events = [fold(), hopf()]
@@ -356,6 +359,7 @@ def test_others_read_the_file_by_its_names(branch: Branch, path: Path) -> None:
             )
 
 
+@pytest.mark.slow
 def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
     """As the page on files lists them; others read by these names."""
     start = trace(zoo.CUSP.problem, "h", within={"x": (-2, 2)}, events=[fold()]).first("LP")
@@ -384,6 +388,7 @@ def test_names_in_a_file_are_those_of_the_format(path: Path) -> None:
             assert group.dataset["arclength"].dims == ("point",)
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_the_old_file(branch: Branch, path: Path) -> None:
     save(path, branch)
     before = path.read_bytes()
@@ -667,6 +672,7 @@ for place in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of Linux")
 def test_full_disk_is_a_sentence_and_keeps_the_old_file(path: Path) -> None:
     """HDF5 itself ends the interpreter where it cannot write."""

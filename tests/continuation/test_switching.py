@@ -70,6 +70,7 @@ def test_arms_leave_where_folds_crowd_the_branch_point() -> None:
     assert all(abs(arm["x"]).max() < 1e-12 for arm in arms)
 
 
+@pytest.mark.slow
 @given(st.integers(2, 5), st.integers(0, 10**6), st.sampled_from(["transcritical", "pitchfork"]))
 @settings(max_examples=8)
 def test_crossings_are_found_in_any_dimension_and_position(n: int, seed: int, shape: str) -> None:
@@ -116,6 +117,7 @@ def test_events_of_arms_are_found_and_can_be_switched_at_again() -> None:
     assert all(abs(one["x"]).max() < 1e-12 for one in back)
 
 
+@pytest.mark.slow
 def test_arms_look_for_what_their_branch_did(tmp_path: Path) -> None:
     """LP of ``x (mu + x^2 - x^4)`` and HB of Lorenz's equations on arms, PD of a map on its."""
     quintic = zoo.scalar(lambda x, p: x * (p["mu"] + x**2 - x**4), 0.0, {"mu": -0.7})

@@ -46,6 +46,7 @@ def test_a_tied_problem_has_the_branch_of_the_one_written_out(free):
     assert mine["B"] == pytest.approx(mine["ratio"] * (1 + mine["A"]))  # still a column
 
 
+@pytest.mark.slow
 def test_the_boundary_of_a_tied_problem_is_that_of_the_base_in_other_coordinates():
     branch = cb.trace(tied_brusselator(), "ratio", within={"ratio": (0.5, 1.5)}, events=[cb.hopf()])
     line = cb.boundary(branch.first("HB"), ("A", "ratio"), within={"A": (0.25, 4)})

@@ -186,6 +186,7 @@ def test_coefficients_do_not_depend_on_small_units_of_states(unit: float) -> Non
     assert hopf["l1"] * unit**2 == pytest.approx(-2.0, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("time", [1e-6, 1.0, 1e6])
 def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states(time: float) -> None:
     def takens(x: Any, p: Mapping[str, float]) -> list[Any]:

@@ -192,6 +192,7 @@ def test_parameters_of_a_cusp_are_measured_in_their_scales() -> None:
     assert not line.doubtful
 
 
+@pytest.mark.slow
 def test_a_fold_at_which_another_mode_buckles_is_no_cusp() -> None:
     def arch(u, p):  # two modes of a shallow arch: the second buckles on the fold at h^2 = 22
         strain = (u[0] ** 2 - p["h"] ** 2) / 4 + u[1] ** 2

@@ -242,6 +242,7 @@ def test_a_walk_that_gets_nowhere_ends() -> None:
         assert calls < 20 * len(branch)
 
 
+@pytest.mark.slow
 def test_a_curve_that_ends_at_a_kink_says_so_and_keeps_its_derivatives() -> None:
     """Complex steps have the mean of both slopes of `abs` at its kink, as differences do."""
 
@@ -457,6 +458,7 @@ def test_an_event_that_jumps_costs_no_more_than_a_bisection() -> None:
     assert tests < 2 * len(branch) + 60
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e-7, 1e6])
 def test_a_branch_that_breaks_off_says_which_scales_are_far_from_one(size: float) -> None:
     def residual(x, p):

@@ -135,6 +135,7 @@ def along_hopf(residual: Counted, *events: cb.Event) -> cb.Branch:
     return cb.boundary(point, ("s", "r"), within={"s": (8, 12), "r": (1, 100)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("analytic", "most"), [(True, 600), (False, 2400)])
 def test_a_point_of_a_hopf_curve_of_lorenz_costs_no_more_than_so_many_calls(analytic, most):
     """4103 real calls a point once, 3120 of them for the test of GH."""
@@ -164,6 +165,7 @@ def test_the_frequency_does_not_set_the_pace_along_a_hopf_curve() -> None:
     assert len(curve) < 60
 
 
+@pytest.mark.slow
 def test_a_boundary_without_a_window_has_an_end() -> None:
     """``4 mu^3 = 27 h^2`` goes on for ever: 4001 points once."""
     mine = cb.Problem(

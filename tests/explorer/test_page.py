@@ -62,6 +62,7 @@ def test_a_pair_of_parameters_is_two_when_another_problem_had_neither(bare: Page
     assert (bare.forms.first.value, bare.forms.second.value) == ("a", "gamma")
 
 
+@pytest.mark.slow
 def test_windows_are_in_units_of_the_frequency_the_walls_and_the_drive(page: Page) -> None:
     """At twice the frequency amplitudes are four times as large: a boundary was refused there, its
     start outside of a window that nobody could widen."""
@@ -118,6 +119,7 @@ def test_a_click_where_nothing_is_says_so_below_the_figure(bare: Page) -> None:
     assert sentence(bare.zones_trouble) == ""
 
 
+@pytest.mark.slow
 def test_what_the_library_refuses_stands_below_the_button(bare: Page) -> None:
     for name, typed, words in (
         ("a", "half", "a = &#x27;half&#x27;: the amplitude of the forcing must be a finite"),
@@ -215,6 +217,7 @@ def test_a_page_that_is_loaded_again_shows_what_there_was(page: Page) -> None:
     assert page.explorer.chosen.code == "branch1[3]"  # the new page has chosen nothing itself
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_the_same_page(bare: Page) -> None:
     bundle, _ = bare.explorer._repr_mimebundle_()
     assert "text/html" in bundle
@@ -234,6 +237,8 @@ def show(page: Page) -> None:
     page.forms.buttons["Show"].clicks += 1
     if page.forms.breather["lattice"].value:
         page.explorer.stop()
+        assert page.explorer.wait(HUNG)
+        page.explorer.tell("")  # not that they were stopped
     assert page.explorer.wait(HUNG)
 
 
@@ -303,6 +308,7 @@ def test_a_file_that_exists_is_replaced_at_the_second_press_only(page: Page, tmp
     assert "press again" in sentence(page.forms.troubles["Keep"])
 
 
+@pytest.mark.slow
 def test_other_ranges_are_those_of_the_library_which_says_so(bare: Page) -> None:
     press(bare, "Show")
     window, length = bare.forms.window, bare.forms.length
@@ -513,6 +519,7 @@ def test_menus_ticks_and_picture_agree_whatever_is_clicked(page: Page) -> None:
     agree(page)
 
 
+@pytest.mark.slow
 def test_a_fork_is_drawn_by_a_size_first_and_by_what_all_its_curves_have() -> None:
     """A size is the ordinate, also on finite lattices, whose first unknown is a time."""
     on = {"lattice": cb.Ring(5), "damping": 0.02}

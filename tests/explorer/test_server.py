@@ -94,6 +94,7 @@ def token_of(page: str) -> str:
     return found[1]
 
 
+@pytest.mark.slow
 def test_it_serves_a_page_on_this_machine_alone(served: Any) -> None:
     process, url = served
     assert url.startswith("http://127.0.0.1:")
@@ -121,6 +122,7 @@ HANDLERS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_under_a_name_of_somebody_else_nothing_is_answered(served: Any) -> None:
     """A page of evil.example whose name is later said to be 127.0.0.1 is of the same origin as the
     server for a browser: all that tells them apart is the name that it asks for."""
@@ -143,6 +145,7 @@ def test_under_a_name_of_somebody_else_nothing_is_answered(served: Any) -> None:
             assert line.split()[1] == "403", (evil, origin)
 
 
+@pytest.mark.slow
 def test_a_name_that_it_is_told_is_its_own(served: Any) -> None:
     _, url = served
     status, page = asked(url, "/", "lab.example")
@@ -152,6 +155,7 @@ def test_a_name_that_it_is_told_is_its_own(served: Any) -> None:
     assert asked(url, "/", "other.example")[0] == 403
 
 
+@pytest.mark.slow
 def test_a_browser_is_opened_once_it_serves(tmp_path: Path) -> None:
     env, opened = browser_of(tmp_path)
     with begun("-m", "contbreather", "explore", env=env) as process:
@@ -175,6 +179,7 @@ def test_a_port_that_is_taken_is_refused(run: Run) -> None:
     assert "choose another port" in err
 
 
+@pytest.mark.slow
 def test_a_page_that_is_closed_while_it_is_written_to_is_no_trouble(
     caplog: pytest.LogCaptureFixture,
 ) -> None:

@@ -53,6 +53,7 @@ def told() -> Explorer:
     return explorer
 
 
+@pytest.mark.slow
 def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
     told: Explorer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -198,6 +199,7 @@ def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     assert explorer.state.awaited == ""
 
 
+@pytest.mark.slow
 def test_a_diagram_that_comes_late_does_not_take_the_place_of_the_one_that_is_wanted() -> None:
     """As arrow keys held on the slider have it: away, and back before the first has come."""
     explorer = Explorer(k=0.8)
@@ -226,6 +228,7 @@ def test_a_click_keeps_the_lattice_and_all_else_that_is_set() -> None:
     explorer.stop()
 
 
+@pytest.mark.slow
 def test_zones_follow_a_chosen_point_to_what_it_lives_on(monkeypatch: pytest.MonkeyPatch) -> None:
     around_fork = {"gamma": (0.045, 0.055), "a": (0.7, 0.9)}
     monkeypatch.setattr(session, "zones", partial(cb.zones, within=around_fork))

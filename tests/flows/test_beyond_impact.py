@@ -145,6 +145,7 @@ def ends(branch: cb.Branch) -> Iterator[cb.Point]:
     return (point for point in branch.special if point.kind in kinds and not point.parent)
 
 
+@pytest.mark.slow
 def test_each_grazing_adds_an_impact_to_an_orbit() -> None:
     on, within = {"c": 0.04, "k": 0.8, "w": 2.2, "s": 0.1}, {"w": (0.55, 2.2)}
     mesh = cb.Collocation(intervals=10)
@@ -178,6 +179,7 @@ def test_without_its_last_impact_an_orbit_may_go_around_twice() -> None:
     assert max(map(misses, hard(back)[::8])) < 1e-9
 
 
+@pytest.mark.slow
 def test_a_motion_that_settles_clear_of_its_conditions_has_them_as_walls() -> None:
     free, rest = cb.Flow(field, until=right), {"x": 0.0, "v": 0.0}
     stop = [free, cb.Flow(lambda t, x, p: [x[1], -x[0]], until=lambda t, x, p: x[0] - p["s"])]
@@ -273,6 +275,7 @@ def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
     assert vanishing["g"] == pytest.approx(hits[0]["g"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_wall_at_the_origin_is_gone_beyond() -> None:
     """Where an impact oscillator touches a wall at 0 its state is 0, which has no size of its own:
     between both GR of its orbit of three impacts is the one of four."""
@@ -289,6 +292,7 @@ def test_a_wall_at_the_origin_is_gone_beyond() -> None:
     assert four[-1]["w"] == pytest.approx(branch.first("GR2")["w"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() -> None:
     """It is thrown where A sin t = 1, and comes back as long after as it sticks there no more: a
     period later, where A cos t = pi."""
@@ -307,6 +311,7 @@ def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() 
     assert branch[-1]["A"] == pytest.approx(np.sqrt(1 + np.pi**2), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_ball_that_sticks_no_more_goes_on_until_it_hardly_rebounds() -> None:
     """It rebounds once, by e, before it sticks, and comes down where it would take off again:
     slowly against its fall before, which is no tangency."""
@@ -342,6 +347,7 @@ def test_the_curve_of_a_ball_that_sticks_no_more_goes_on_until_it_hardly_rebound
     assert y + rebound * again - again**2 / 2 == pytest.approx(1, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_beyond_a_corner_collision_two_neurons_fire_in_the_other_order() -> None:
     """At 1.5 + d and 1.5, driven alike: at once where d = 0. Each is as it is alone."""
 

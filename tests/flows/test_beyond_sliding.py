@@ -17,6 +17,8 @@ from contbreather.flows import cycle_of
 from .test_filippov import MASS, pushed
 from .zoo import STICK_SLIP, across
 
+pytestmark = pytest.mark.slow
+
 TAU = 2 * np.pi
 ONSET = np.sqrt(1 + np.pi**2 / 4)  # where a pushed mass begins to stick: Den Hartog
 BELT = {"F": 1.0, "V": 1.0, "d": 0.1}
@@ -121,7 +123,6 @@ def test_without_symmetry_one_side_sticks_first() -> None:
     assert roads[0] == pytest.approx(roads[1][::-1], abs=1e-12)
 
 
-@pytest.mark.slow
 def test_a_mass_that_is_too_fast_to_stick_passes_the_belt_first_and_then_does_not_stick() -> None:
     within = {"d": (0.25, 0.55)}
     orbit = cb.cycle(
@@ -197,7 +198,6 @@ def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
     return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25)
 
 
-@pytest.mark.slow
 def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
     mass, orbit = rocked(0.02)
     within = {"B": (0.36, 0.5)}
@@ -333,7 +333,6 @@ def moving() -> cb.Branch:
     return cb.trace(orbit, "a", within={"a": (0.7, 1.5)}, events=(), towards="both")
 
 
-@pytest.mark.slow
 def test_where_the_surface_is_left_for_as_long_as_counts_as_none_is_followed(moving: Any) -> None:
     lost = moving.special[0]
     line = cb.boundary(lost, ("a", "mu"), within={"mu": (0.9, 1.1)}, towards="both")

@@ -14,6 +14,8 @@ from contbreather.continuation.branches.duplicates import Duplicate, ending_at
 from .test_beyond_impact import misses
 from .zoo import across, van_der_pol
 
+pytestmark = pytest.mark.slow
+
 TAU = 2 * np.pi
 WITHIN = {"w": (0.5, 2.0)}
 
@@ -64,7 +66,6 @@ def whole(branch: cb.Branch, touches: list[tuple[cb.Point, cb.Branch]]) -> list[
     return branches
 
 
-@pytest.mark.slow
 def test_a_resonance_curve_goes_on_at_each_touch(resonance: cb.Branch, touches) -> None:
     branches = whole(resonance, touches)
     assert {len(branch[1].solution.flights) for branch in branches} == {2, 4}
@@ -235,7 +236,6 @@ def test_an_orbit_clear_of_its_condition_is_one_of_a_flow_with_that_wall() -> No
     assert hits[-1]["period"] == pytest.approx(cb.flows.cycle_of(found).period, rel=1e-8)
 
 
-@pytest.mark.slow
 def test_a_contact_begins_and_another_one_where_two_crests_are_alike() -> None:
     """What follows cos 2t + b cos t reaches r/sqrt(r^2 + 4) twice where b = 0: the curves on which
     one crest comes to the stop end there, whether the other one is in contact or not."""

@@ -94,6 +94,7 @@ def test_a_map_at_each_stroke_has_its_double_multiplier() -> None:
     assert not line.doubtful
 
 
+@pytest.mark.slow
 def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> None:
     """With i from 1/2 to 1 and back, each in one period: b = 3, met from both sides."""
     flip = cb.trace(converter(1.2), "b", within={"b": (1, 5)}).first("PD")
@@ -109,6 +110,7 @@ def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> N
         cb.switch(above[0])
 
 
+@pytest.mark.slow
 def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -> None:
     """A current that rises for d, falls at the rate c and rests at 0 until 1, for 1 - d - d/c; the
     curve ends where it rises up to 0.7."""
@@ -125,6 +127,7 @@ def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -
     assert [curve[0]["c"], curve[-1]["c"]] == pytest.approx([0.5, 7 / 3], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
     """A smoothed voltage and a current that falls to 0 as the clock strikes: both ways lead on."""
 
@@ -161,6 +164,7 @@ def test_beyond_a_flow_that_a_reset_begins_is_not_known() -> None:
     assert arm[-1]["max(i)"] == pytest.approx(np.tanh(0.25), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
     """Two kicks a turn, of the circle map: its folds are the extreme speeds over the angle."""
 
@@ -191,6 +195,7 @@ def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
     assert folds == pytest.approx([extreme(1), extreme(-1)], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> None:
     """A current that rises to a ramp: its slope is -1 where fall and rise are as fast against that,
     and c is 0 all along but for what differences leave, as a remainder is not analytic."""
@@ -205,6 +210,7 @@ def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> Non
     assert {point.kind for point in line.special} == {"EP"}
 
 
+@pytest.mark.slow
 def test_a_spike_that_is_forgotten_until_the_clock_strikes_has_no_fold_that_is_nan_off() -> None:
     fires = cb.Flow(lambda t, x, p: [p["I"] - x[0] + p["A"] * np.cos(2 * np.pi * t)],
                     until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])  # fmt: skip

@@ -36,6 +36,7 @@ def duffing_period(size, b=1.0):
     return 4 * ellipk(b * size**2 / (2 * square)) / np.sqrt(square)
 
 
+@pytest.mark.slow
 def test_a_family_in_the_period_ends_where_it_is_homoclinic_as_one_in_the_energy() -> None:
     """The pendulum upside down has twice its largest potential energy."""
     field, energy = lambda t, x, p: [x[1], -np.sin(x[0])], lambda x, p: x[1] ** 2 / 2 - np.cos(x[0])
@@ -54,6 +55,7 @@ def backbone(**how):
 # --- families -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     """In its period, in its energy, and in a parameter at a given period or energy."""
     walks = {
@@ -80,6 +82,7 @@ def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-12, 1e9])
 def test_a_family_takes_the_same_steps_whatever_the_unit_of_its_energy(unit: float) -> None:
     walks = []
@@ -93,6 +96,7 @@ def test_a_family_takes_the_same_steps_whatever_the_unit_of_its_energy(unit: flo
     assert family["period"] == pytest.approx(duffing_period(family["max(u)"]), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_family_may_have_small_states_and_an_energy_that_is_their_square() -> None:
     """As in metres and joules: its lambda, in units of one over the energy, hid all else."""
     walks = []
@@ -108,6 +112,7 @@ def test_a_family_may_have_small_states_and_an_energy_that_is_their_square() -> 
     assert family[-1]["period"] == pytest.approx(plain[-1]["period"], rel=1e-10)
 
 
+@pytest.mark.slow
 def test_a_family_that_cannot_be_walked_in_its_unit_is_given_no_advice_that_is_refused() -> None:
     branch = cb.trace(backbone(conserves=lambda x, p: 1e-12 * of_duffing(x, p)), "energy")
     assert "lambda" not in branch.reason
@@ -250,6 +255,7 @@ def test_other_families_leave_at_pd_and_at_bp(axis: cb.Branch, loops: list[cb.Br
     assert again[0]["period"] == pytest.approx(double[0]["period"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_fold_in_the_energy_is_found_on_a_family_in_the_period_too(loops) -> None:
     """A magnetic field parts the branches that time reversal held together; the fold between them
     has one curve, whether the energy is given or the period."""
@@ -300,6 +306,7 @@ def modes(sign: float, firsts: tuple[float, ...] = (1.7,), **params: float) -> c
     return cb.cycle(f, start, second, conserves=energy, fixed="energy")
 
 
+@pytest.mark.slow
 def test_pairs_of_opposite_signature_collide_where_the_closed_form_says() -> None:
     """|w1^2 - w^2| = 2 e sqrt(w1 w), where both frequencies are one; and its curve in w and e."""
     branch = cb.trace(modes(1.0), "w", within={"w": (1.5, 1.9)})
@@ -330,6 +337,7 @@ def test_pairs_leave_the_circle_in_twos_not_each_by_its_own_rounding(apart, left
     assert np.count_nonzero(indices.imag) == left
 
 
+@pytest.mark.slow
 def test_tongues_narrower_than_a_step_have_both_their_ends() -> None:
     """Pairs of opposite signature that come past each other collide twice in between, however
     weakly they are coupled."""
@@ -343,6 +351,7 @@ def test_tongues_narrower_than_a_step_have_both_their_ends() -> None:
         assert abs(first**2 - w**2) == pytest.approx(2 * e * np.sqrt(first * w), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_several_collisions_within_a_step_are_all_found() -> None:
     """Three pairs of pairs leave the circle one after the other: the test changes its sign once."""
     firsts = 1.7, 1.704, 1.71
@@ -353,6 +362,7 @@ def test_several_collisions_within_a_step_are_all_found() -> None:
         assert abs(first**2 - w**2) == pytest.approx(2 * 0.1 * np.sqrt(first * w), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_several_doublings_within_a_step_are_all_found() -> None:
     """A Duffing oscillator drives three modes b'' = -(w^2 d + e q) b, each by itself: what one does
     at w another one does where w^2 d is the same."""
@@ -416,6 +426,7 @@ def zigzag(n: int, W: Any, force: Any, u: float) -> Any:
     return cb.cycle(ring, start, {"b": 1.0}, conserves=both)
 
 
+@pytest.mark.slow
 def test_pairs_of_waves_both_ways_around_a_ring_do_not_collide() -> None:
     """Of the zigzag of a ring of Fermi, Pasta, Ulam and Tsingou waves k and -k have one index and
     one signature all along: that of a field which no gradient tells along a shift of all sites was
@@ -428,6 +439,7 @@ def test_pairs_of_waves_both_ways_around_a_ring_do_not_collide() -> None:
     assert [point.kind for point in (*branch.special, *branch.doubtful)] == ["EP", "EP"]
 
 
+@pytest.mark.slow
 def test_how_a_field_is_differentiated_is_not_decided_by_a_step_that_is_refused() -> None:
     """Down to its equilibrium a step of Toda's ring overflows. Slopes were differences from then
     on, also from the start up, where the branch ended as MX."""
@@ -437,6 +449,7 @@ def test_how_a_field_is_differentiated_is_not_decided_by_a_step_that_is_refused(
     assert branch["energy"].min() < 4.001
 
 
+@pytest.mark.slow
 def test_the_gradient_of_an_unfolding_is_not_differentiated_in_states() -> None:
     """It is asked for at two places for each state, and would be so once more for each."""
     asked = {"W": 0, "force": 0}
@@ -620,6 +633,7 @@ def test_a_mode_with_a_node_is_followed() -> None:
     assert end["period"] == pytest.approx(4 * ellipk(k) / np.sqrt(2 * (1 + square)), rel=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("u", [0.3, 0.6, 0.9])
 def test_a_pair_that_touches_minus_one_with_two_eigenvectors_is_no_period_doubling(u) -> None:
     """That of a linear oscillator beside another one, w T / 2 around the circle."""
@@ -657,6 +671,7 @@ def test_multipliers_may_be_larger_than_rounding_is_small() -> None:
     assert not branch.doubtful
 
 
+@pytest.mark.slow
 def test_curves_of_pd_of_two_modes_cross_where_these_are_alike() -> None:
     """Of two modes beside an orbit one has the frequency w: that of the other does not see it, and
     both pass -1 together at w = 0.6."""
@@ -682,6 +697,7 @@ def test_curves_of_pd_of_two_modes_cross_where_these_are_alike() -> None:
     assert (cross["w"], cross["period"]) == pytest.approx((0.6, other["period"]), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_pair_that_touches_minus_one_by_a_symmetry_is_no_period_doubling_of_a_mesh() -> None:
     """Half of a double pendulum's swing is the other half's mirror image: indices (of the whole)
     are squares minus 1, and the mesh leaves 1e-5 between the two eigenvectors."""
@@ -716,6 +732,7 @@ def test_a_pair_that_touches_minus_one_by_a_symmetry_is_no_period_doubling_of_a_
     assert not [at for at in [*branch.special, *branch.doubtful] if at.kind == "PD"]
 
 
+@pytest.mark.slow
 def test_rotations_are_a_family_and_their_period_doubles() -> None:
     """Of a pendulum over the top, T = 2 m K(m**2) with m**2 = 2 / (1 + E); what is at rest beside
     it obeys Hill's equation."""

@@ -138,6 +138,7 @@ def test_units_of_state_and_time_do_not_decide_what_is_a_cycle(size: float, pace
     assert orbit.max["x"] / size == pytest.approx(2.008619861, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_units_do_not_decide_what_is_a_fold() -> None:
     """Duffing's oscillator."""
     x, v, pace = 1e-3, 1e3, 1e6
@@ -166,6 +167,7 @@ def test_a_decay_to_rest_is_no_cycle_in_any_units(size: float) -> None:
         cb.cycle(f, {"x": 0.5 * size, "v": 0.0}, {}, settle=100)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("f", "params", "settle", "period"),
     [
@@ -182,6 +184,7 @@ def test_a_relaxation_is_closed_on_as_many_intervals_as_it_needs(f, params, sett
     assert stiff.start["period"] == pytest.approx(period, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_what_is_stiff_is_simulated_by_an_implicit_method() -> None:
     """An explicit one takes 30,000 steps a period."""
     lagging = cb.cycle(lambda t, x, p: [-1e5 * (x[0] - np.cos(t))], {"x": 1.0}, {}, period=TAU)
@@ -214,6 +217,7 @@ def test_samples_of_two_periods_are_one_orbit_of_either(relaxation: Cycle) -> No
     assert orbit.period == pytest.approx(relaxation.period, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     """FitzHugh and Nagumo's cycles fold where their mean divergence vanishes: current and period by
     Taylor series of 45 digits. It changes by 1e-13 while the period grows by a third.
@@ -229,6 +233,7 @@ def test_a_canard_explosion_has_the_fold_of_its_mirror_image() -> None:
     assert not cycles.doubtful
 
 
+@pytest.mark.slow
 def test_a_canard_explosion_without_folds_has_none() -> None:
     """Its cycles are stable throughout; its parameter is constant but for rounding on the way."""
 
@@ -270,6 +275,7 @@ def test_a_curve_of_period_doublings_stays_one() -> None:
         assert abs(place.base_point.solution.multipliers + 1).min() < 1e-7
 
 
+@pytest.mark.slow
 def test_resonances_on_langford_s_curve_of_tori_are_where_its_turn_says() -> None:
     """The curve is lam = 2, its angle sqrt(2) 2 pi / turn: Rk at turn = k sqrt(2), and again at
     k/(k - 1) sqrt(2), beyond a double -1 with two eigenvectors, through which it goes."""
@@ -299,6 +305,7 @@ def driven(t, x, p):
     return [x[1], push, growth * x[2] - p["w"] * x[3], growth * x[3] + p["w"] * x[2]]
 
 
+@pytest.mark.slow
 def test_a_curve_of_tori_ends_where_two_hopf_points_meet() -> None:
     """On r^2 = m1 a pair turns by sqrt(2) and grows at the rate m2 - 0.7 r^2: tori set out on
     m2 = 0.7 m1, down to the equilibrium. The same orbits half a turn later would lead back."""
@@ -317,6 +324,7 @@ def test_a_curve_of_tori_ends_where_two_hopf_points_meet() -> None:
     assert abs(line["m2"] - 0.7 * line["m1"]).max() < 1e-10
 
 
+@pytest.mark.slow
 def test_where_a_curve_of_tori_ends_at_1_nothing_else_is_in_doubt() -> None:
     """At R1 the equations are those of a fold, too. Without forcing the curve ends at the same
     place, and the trivial multiplier and that of the fold are a pair at 1 all along the folds."""
@@ -354,6 +362,7 @@ def turning(t, u, p):
     return [dx + 0.6 * y * dy, dy, dz + 0.2 * (dx * y + x * dy)]
 
 
+@pytest.mark.slow
 def test_a_pair_at_1_that_a_coarse_mesh_splits_is_double() -> None:
     few = Collocation(intervals=6, points=5)
     start, params = {"x": np.sqrt(0.8), "y": 0.0, "z": 0.0}, {"b1": -0.04, "b2": 0.15}
@@ -386,6 +395,7 @@ def test_a_ball_bounces_twice_in_its_period_beyond_the_doubling_alone(A, bounces
     assert orbit.period == pytest.approx(bounces * TAU, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_doubled_bounces_set_out_at_the_doubling() -> None:
     ball = CASES["bouncing ball"].problem()
     events = (*ball.events, cb.Event("ZZ", lambda point: point["A"] - 1.08))
@@ -422,6 +432,7 @@ def test_a_wall_that_is_touched_ends_the_branch_where_a_period_begins_too(lag: f
     assert branch[-1]["F"] == pytest.approx(2 * math.hypot(1 - 0.49, 0.14), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_touch_goes_round_with_the_forcing() -> None:
     """The phase of the linear response passes that at which a period begins at w = 0.93."""
     free = cb.Flow(
@@ -449,6 +460,7 @@ def test_the_curve_of_a_touch_ends_where_its_flow_does() -> None:
     assert line.reason == "the domain of touch ends at 1"
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_touch_ends_where_another_crest_touches() -> None:
     """Of cos 2t + b cos t the crests at 0 and pi are 1 + b and 1 - b."""
     rest = cb.Flow(
@@ -466,6 +478,7 @@ def test_the_curve_of_a_touch_ends_where_another_crest_touches() -> None:
     assert sorted([other[0]["b"], other[-1]["b"]]) == pytest.approx([-1.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_touch_does_not_go_on_as_that_of_a_vanishing_impact() -> None:
     """A driven integrate-and-fire neuron touches its threshold at its spike, I - A = 1 at the
     trough of the drive: an inflection, where I - A/(1 + w^2) = 1/(1 - 1/e) for one spike a turn."""
@@ -540,6 +553,7 @@ def test_no_orbit_that_newton_moves_through_a_wall_is_one(wall: float, passed: b
         assert orbit.max["x"] == pytest.approx(5.0, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parameters() -> None:
     flow = cb.Flow(
         lambda t, x, p: [x[1], p["F"] * np.cos(1.5 * t) - x[0] - 0.1 * x[1]],
@@ -742,6 +756,7 @@ def fires(periods: int, **params: float) -> cb.Problem:
     return cb.cycle([flow], {"v": 0.0}, params, period=1.0, settle=15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("periods", "b"), [(1, 0.5), (2, 0.1)])
 def test_a_curve_closes_where_its_phase_has_fallen_by_a_period(periods: int, b: float) -> None:
     """It fires at phi where (I + Im b exp(2 pi i phi) / (1 + 2 pi i)) (1 - exp(-T)) = 1."""
@@ -753,6 +768,7 @@ def test_a_curve_closes_where_its_phase_has_fallen_by_a_period(periods: int, b: 
     assert sorted(found) == [("LP", round(rate - swing, 9)), ("LP", round(rate + swing, 9))]
 
 
+@pytest.mark.slow
 def test_a_curve_of_folds_closes_where_its_phase_has_fallen_by_a_period() -> None:
     """The swing is I - 1/(1 - 1/e) all along: a circle in a and b."""
     neuron = fires(1, b=0.2)
@@ -763,6 +779,7 @@ def test_a_curve_of_folds_closes_where_its_phase_has_fallen_by_a_period() -> Non
     assert abs(line["phase"][-1] - line["phase"][0]) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_curve_in_pieces_closes_modulo_the_period_and_goes_no_further() -> None:
     part = cb.trace(fires(1, b=0.5), "I", towards="up", steps=cb.Steps(most=12))
     assert part.stop.name == "MOST"
@@ -772,6 +789,7 @@ def test_a_curve_in_pieces_closes_modulo_the_period_and_goes_no_further() -> Non
     assert abs(whole["phase"][-1] - whole["phase"][0]) == pytest.approx(1, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_curve_of_rotations_closes_where_its_angle_has_turned_once_more() -> None:
     """The pendulum between its passages through the bottom, and between strokes of the forcing."""
 
@@ -795,6 +813,7 @@ def test_a_curve_of_rotations_closes_where_its_angle_has_turned_once_more() -> N
     assert [each.stop.name for each in branches] == ["CLOSED", "CLOSED"]
 
 
+@pytest.mark.slow
 def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised_hopf_point():
     """Folds at nu = -1/4 whatever mu, of radius 1/sqrt(2), along which what follows the circle
     turns over: there nothing of the way of the first orbit is left."""
@@ -815,6 +834,7 @@ def test_folds_of_orbits_that_are_large_and_out_of_step_are_not_at_a_generalised
     assert curve["nu"] == pytest.approx(-0.25, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_folds_end_at_a_generalised_hopf_point_where_small_orbits_turn_at_their_own_pace() -> None:
     """At m = b = 0, by radius and angle: m = -b^2/4 on the folds."""
 
@@ -832,6 +852,7 @@ def test_folds_end_at_a_generalised_hopf_point_where_small_orbits_turn_at_their_
     assert not line.doubtful
 
 
+@pytest.mark.slow
 def test_folds_beside_an_equilibrium_far_from_the_origin_do_not_end_while_they_are_large() -> None:
     """At m = b = 0; at m = -8e-3 it was, as orbits of size 0.3 are small beside 100."""
 
@@ -848,6 +869,7 @@ def test_folds_beside_an_equilibrium_far_from_the_origin_do_not_end_while_they_a
     assert abs(line["m"]).min() < 1e-6
 
 
+@pytest.mark.slow
 def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
     """Morris and Lecar's neuron: with the phase by the trapezoidal rule it ended as MX before."""
 
@@ -865,6 +887,7 @@ def test_firing_shrinks_to_its_hopf_point_on_the_mesh_of_a_spike() -> None:
     assert branch[-1]["I"] == pytest.approx(97.773713, abs=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [0.1, 0.2])  # other steps, another rounding
 def test_folds_of_a_neuron_s_cycles_in_mv_end_at_its_generalised_hopf_point(off: float) -> None:
     """Which the first Lyapunov coefficient tells, without a cycle, of Morris and Lecar's neuron. It
@@ -887,6 +910,7 @@ def test_folds_of_a_neuron_s_cycles_in_mv_end_at_its_generalised_hopf_point(off:
     assert told(line.first("GH")) == pytest.approx({n: known[n] for n in ("I", "V3")}, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_folds_of_cycles_about_the_origin_end_at_its_generalised_hopf_point() -> None:
     """The first orbit of their branch is tiny, and no measure of how small others are."""
 
@@ -951,6 +975,7 @@ def test_loaded_points_are_in_the_phase_that_they_were_walked_in(tmp_path) -> No
     assert cb.extend(branch, within={"c": (1.4, 4.6)})["c"][[0, -1]].tolist() == [1.4, 4.6]
 
 
+@pytest.mark.slow
 def test_folds_go_on_where_their_first_orbit_measures_no_phase_any_more() -> None:
     """At m = -1/4, whatever q is: r' = r (m + r^2 - r^4), and two states that follow."""
 
@@ -986,6 +1011,7 @@ def _around(turn, half):
 AROUND = {"a": [0.9, 0.0], "b": [0.3, 0.0]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [False, True])
 def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase(
     tmp_path, half: bool
@@ -1001,6 +1027,7 @@ def test_a_branch_closes_where_it_comes_back_to_its_first_orbit_in_another_phase
     assert rest.stop is cb.continuation.Stop.CLOSED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [False, True])
 def test_folds_close_where_they_come_back_to_their_first_orbit_in_another_phase(half: bool) -> None:
     """p cos 2s + q sin 2s = 1 has two solutions s outside of a circle."""
@@ -1036,6 +1063,7 @@ def test_arms_close_where_they_come_back_to_their_branch_point_in_another_phase(
     assert np.ptp([at["I"] for at in arm.special if at.kind == "LP"]) < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "a"), [(1, 0.3), (2, 3.0)])
 def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: float) -> None:
     """A pendulum on a shaken pivot, at rest: volumes are kept, so that along the whole edge of a
@@ -1053,6 +1081,7 @@ def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: 
         assert not line.doubtful
 
 
+@pytest.mark.slow
 def test_a_pair_whose_product_stays_1_where_time_can_be_reversed_is_no_torus() -> None:
     """Nose and Hoover's oscillator: (-x, y, -z) runs backwards, multipliers are 1, mu and 1/mu, on
     the circle or, between both branch points and on the arms, real."""
@@ -1105,6 +1134,7 @@ def test_a_parameter_that_rests_turns_back_nowhere() -> None:
     assert not [at for at in (*twice.special, *twice.doubtful) if at.kind == "LP"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("parts", "passed"), [(2, 1), (3, 1), (3, 2)])
 def test_a_part_of_a_symmetric_orbit_shrinks_to_its_hopf_point(parts: int, passed: int) -> None:
     """Rotating waves of a ring of cells z' = (m + i - |z|^2) z, linked one way: the state a part of

@@ -139,6 +139,7 @@ def pushed(A: float) -> cb.Problem:
     return cb.cycle(MASS, {"v": 0.3}, params, period=2 * np.pi, settle=25, collocation=mesh)
 
 
+@pytest.mark.slow
 def test_a_pushed_mass_begins_to_stick_where_den_hartog_says() -> None:
     """``v' = A cos t - F sign v`` moves all the time for A above F sqrt(1 + pi^2/4)."""
     onset = np.sqrt(1 + np.pi**2 / 4)
@@ -151,6 +152,7 @@ def test_a_pushed_mass_begins_to_stick_where_den_hartog_says() -> None:
     assert stuck.others == pytest.approx([0], abs=1e-12)  # what sticks forgets
 
 
+@pytest.mark.slow
 def test_an_orbit_that_sticks_at_one_place_has_a_mesh_there() -> None:
     """Landing and leaving: ``A (sin t - sin t0) = F (t - t0)``, ``A cos t0 = F``."""
     orbit = cb.flows.cycle_of(pushed(1.5))

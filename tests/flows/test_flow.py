@@ -139,6 +139,7 @@ def test_small_and_large_units_are_differentiated_alike() -> None:
     np.testing.assert_allclose(slope[0, :2], 1.0, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_cycle_and_a_sliding_orbit_of_decorated_functions() -> None:
     numba = pytest.importorskip("numba")
 

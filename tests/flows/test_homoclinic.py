@@ -79,6 +79,7 @@ def test_a_homoclinic_orbit_is_followed_in_two_parameters(planar) -> None:
     assert line["mu"] == pytest.approx(0, abs=2e-8)
 
 
+@pytest.mark.slow
 def test_a_homoclinic_curve_ends_before_its_period_is_short_near_a_bogdanov_takens_point() -> None:
     """The curve b1 = -6/25 b2^2 + O(b2^(5/2)) of its normal form; times grow as |b2|^(-1/2)."""
 
@@ -169,6 +170,7 @@ def landed(a: float) -> float:
 EDGES = "heteroclinic cycle between the saddles x = {}, v = 0 .leading eigenvalues -1.41421 and 1.4"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("flows", "start", "params", "how", "end", "words"),
     [
@@ -245,6 +247,7 @@ def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
     assert "saddle-focus x = 1, y = 0, z = 0" in branch.reason
 
 
+@pytest.mark.slow
 def test_a_branch_that_swings_around_a_homoclinic_orbit_goes_on_through_its_folds() -> None:
     """From one to the next they are closer by exp(-pi a/w), of a pair -a +- i w. The orbit itself
     is where the unstable manifold of x = 1, by an integration of its own, comes back on neither
@@ -270,6 +273,7 @@ def test_a_finer_mesh_begins_where_the_coarse_one_did(butterfly) -> None:
     assert butterfly[0]["r"] == pytest.approx(24.736842, abs=1e-2)
 
 
+@pytest.mark.slow
 def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
     """Roessler's band: the doubling of the doubled cycle is at 3.8373581."""
     few, params = Collocation(intervals=14, points=3), {**BAND, "c": 2.8}
@@ -282,6 +286,7 @@ def test_an_arm_gets_a_finer_mesh_where_the_doubling_is_on_that() -> None:
     assert double.first("PD")["c"] == pytest.approx(3.8373581, abs=2e-5)
 
 
+@pytest.mark.slow
 def test_the_period_where_an_equilibrium_appears_on_a_cycle_is_the_closed_form() -> None:
     fine = Collocation(intervals=80)
     ring = cb.cycle(pausing, {"x": -1.0, "y": 0.0}, {"a": 1.005}, collocation=fine)
@@ -294,6 +299,7 @@ def test_the_period_where_an_equilibrium_appears_on_a_cycle_is_the_closed_form()
     assert end["period"] == pytest.approx(2 * math.pi / math.sqrt(end["a"] ** 2 - 1), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_slow_motion_without_an_equilibrium_is_no_end() -> None:
     """Around a circle, in the end on one side of it 200,000 times slower than on the other."""
 
@@ -350,6 +356,7 @@ def test_folds_end_at_a_homoclinic_orbit_in_two_parameters() -> None:
     assert reach(1) == pytest.approx(reach(-1), abs=1e-7)
 
 
+@pytest.mark.slow
 def test_cycles_that_pass_close_by_saddles_while_the_parameter_moves_are_at_no_end() -> None:
     """Bazykin's predators and prey: both axes stay what they are, so no orbit is homoclinic. The
     period is that of the logarithms of both, by scipy's LSODA at 1e-11."""
@@ -405,6 +412,7 @@ def test_a_cycle_along_what_repels_is_followed_though_its_multiplier_is_1e23() -
     assert abs(arm[-1].solution.others[0]) > 1e23
 
 
+@pytest.mark.slow
 def test_a_small_cycle_far_from_the_origin_rests_nowhere() -> None:
     """It turns evenly. A curve of branch points that shrinks to rest ended as if its period grew,
     where the tangent along the branch is rounding."""
@@ -420,6 +428,7 @@ def test_a_small_cycle_far_from_the_origin_rests_nowhere() -> None:
     assert HOMOCLINIC.examine(cycles[0]) is NOTHING
 
 
+@pytest.mark.slow
 def test_where_states_are_counted_from_says_nothing_about_whether_an_orbit_rests() -> None:
     """Bogdanov and Takens' homoclinic orbit came early, a canard was taken for one."""
 

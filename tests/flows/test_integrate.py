@@ -199,6 +199,7 @@ def test_times_outside_of_a_run_are_refused() -> None:
     assert dict(run.table().rows)["events"] == 1
 
 
+@pytest.mark.slow
 def test_a_block_that_topples_is_refused_as_what_grows_without_bound() -> None:
     topples = cb.Flow(
         lambda t, x, p: [x[1], x[0] - 1 + 4 * np.cos(4 * t)],

@@ -78,6 +78,7 @@ def test_a_large_pattern_takes_as_many_steps_as_it_has_colours() -> None:
     assert sum(asked) == 4 * (3 + 1) + 8  # and 8 to see that they are borne out
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jacobian", GIVEN.values(), ids=GIVEN)
 def test_cycles_and_equilibria_are_those_without_it(jacobian: Any) -> None:
     start: dict[str, Any] = {"start": {"x": 2.0, "v": 0.0}, "params": {"mu": 1.0}, "settle": 20}

@@ -58,6 +58,7 @@ def test_both_equations_have_the_same_orbits_multipliers_and_period_doubling() -
     assert flips[1].detail["criticality"] == flips[0].detail["criticality"] == "supercritical"
 
 
+@pytest.mark.slow
 def test_the_doubled_cycle_leaves_it() -> None:
     """It is that of a single system, whose branch sets out at the same place."""
     (arm,) = cb.switch(rings(sparse=True).first("PD"), within={"c": (2.5, 2.9)},
@@ -85,6 +86,7 @@ def test_derivatives_are_those_by_differences() -> None:
     np.testing.assert_allclose(found, wanted, atol=1e-7 * abs(wanted).max())
 
 
+@pytest.mark.slow
 def test_a_forced_cycle_is_the_same_by_both() -> None:
     forced: dict[str, Any] = {
         "start": {"u": np.full(CELLS, 1.0), "v": np.zeros(CELLS), "w": np.zeros(CELLS)},
@@ -126,6 +128,7 @@ def brusselator(cells: int, mesh: cb.Collocation = MESH) -> cb.Problem:
     )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_brusselator_begins_to_oscillate_where_its_first_mode_does() -> None:
     """The trace of the mode is zero: B - 1 - A^2 = (D1 + D2) k^2 / L^2, of differences, with the
     frequency the root of the determinant; and a cycle sets out there."""
@@ -148,6 +151,7 @@ def test_the_brusselator_begins_to_oscillate_where_its_first_mode_does() -> None
     assert orbit.solution.extreme("u11", 1.0) <= orbit["max(u)"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cells", [100, 200])  # with all multipliers, and with the leading ones
 def test_multipliers_of_waves_that_diffuse_fast_are_known(cells: int) -> None:
     """Of u' = (r + i) u - |u|^2 u + D u_xx, alike everywhere, the amplitude of a mode of the cells

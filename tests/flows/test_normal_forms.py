@@ -81,6 +81,7 @@ def test_a_cubic_coefficient_is_that_of_the_amplitude(f, kind, name, factor, k) 
     assert point["criticality"] == ("supercritical" if k < 0 else "subcritical")
 
 
+@pytest.mark.slow
 def test_the_coefficient_of_a_fold_is_that_of_its_amplitude() -> None:
     """y' = -sqrt(3) y^2 for a turn."""
     branch = cb.trace(forced(fork, {"y": 1.0}, {"h": 0.0, "m": 1.0}), "h", within={"h": (-1, 1)})
@@ -92,6 +93,7 @@ def test_a_cycle_without_forcing_has_the_same_coefficient() -> None:
     assert CASES["moebius"].branch.first("PD")["c"] == pytest.approx(TAU, rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_torus_around_a_cycle_has_the_lyapunov_coefficient_of_the_hopf_point_it_turns() -> None:
     """Langford's equations in (r, z): Re d = l1 omega times the period of the turn."""
 
@@ -114,6 +116,7 @@ def test_a_hybrid_flow_has_the_coefficients_of_its_return_map() -> None:
     assert (point["r"], point["c"]) == (pytest.approx(3, abs=1e-10), pytest.approx(9, rel=1e-8))
 
 
+@pytest.mark.slow
 def test_a_hybrid_flow_has_the_torus_of_its_return_map() -> None:
     """The delayed logistic map turns by 60 degrees at r = 2."""
 
@@ -142,6 +145,7 @@ def bounced(A: float, t: float, v: float, e: float = 0.8) -> tuple[float, float]
     return t + flight, -e * (v - flight) + (1 + e) * A * math.cos(t + flight)
 
 
+@pytest.mark.slow
 def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -> None:
     """Simulated: its two phases part by 2 u with c u^2 = s where a multiplier is -1 - s.
 
@@ -165,6 +169,7 @@ def test_bounces_alternate_beyond_a_supercritical_doubling_as_far_as_it_says() -
 # --- curves -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("f", "on", "kind"), [(strip, "PD", "GPD"), (twisted, "NS", "CH")])
 def test_where_a_coefficient_vanishes_its_curve_says_so(f, on: str, kind: str) -> None:
     window = {"k": (-0.5, 0.2), "mu": (-0.5, 0.5)}
@@ -174,6 +179,7 @@ def test_where_a_coefficient_vanishes_its_curve_says_so(f, on: str, kind: str) -
     assert line["mu"] == pytest.approx(0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_folds_of_cycles_meet_in_a_cusp() -> None:
     """4 m^3 = 27 h^2."""
     problem = forced(fork, {"y": 0.6}, {"h": 0.0, "m": 0.3})
@@ -184,6 +190,7 @@ def test_folds_of_cycles_meet_in_a_cusp() -> None:
     assert line.first("CP")["c"] == pytest.approx(-TAU, rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("off", [0, 4e-13])  # so near it rounding decides how corrections shrink
 def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes(off: float) -> None:
     """FitzHugh and Nagumo's equations: 1 - 2 b + b^2 eps = 0."""
@@ -200,6 +207,7 @@ def test_folds_of_cycles_end_where_the_lyapunov_coefficient_vanishes(off: float)
         assert line[-1][name] == pytest.approx(value, abs=1e-4)
 
 
+@pytest.mark.slow
 def test_folds_around_a_place_where_there_is_no_field_are_followed_in_silence(capfd) -> None:
     """Of r' = r (mu - (sqrt(r^2 - 0.1) - s)^2): LAPACK wrote a line for each NaN at its mean."""
 
@@ -231,6 +239,7 @@ def test_where_there_is_no_normal_form_the_reason_is_given() -> None:
     assert point["criticality"].startswith("unknown: a strong resonance")
 
 
+@pytest.mark.slow
 def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> None:
     """Example adaptx of MatCont's manual: Hopf point, doubling with its period, supercritical."""
 
@@ -249,6 +258,7 @@ def test_the_doubling_of_an_adaptive_control_system_is_the_published_one() -> No
     assert point["criticality"] == "supercritical"
 
 
+@pytest.mark.slow
 def test_pairs_that_a_symmetry_makes_alike_leave_the_circle_together_in_doubt() -> None:
     """Four Stuart-Landau oscillators in a ring, neighbours in antiphase. With z_j = (-1)^j w and
     m = mu - 4 K waves along the ring have the trace -2 m - 2 K q, q = -2 for two and -4 for one."""

@@ -18,6 +18,8 @@ from contbreather.flows.functions import kink
 
 from .zoo import BAND, born, roessler, van_der_pol
 
+pytestmark = pytest.mark.slow
+
 FEW = Collocation(intervals=6, points=4)
 TEN = Collocation(intervals=10, points=4)
 
@@ -212,7 +214,6 @@ def cycles(rest) -> cb.Branch:
     return born(rest, "mu", (-1.0, 0.4), mu=(-1.0, 0.7))
 
 
-@pytest.mark.slow
 def test_an_arm_of_cycles_on_a_finer_mesh_is_itself_and_not_what_it_left(cycles) -> None:
     arms = cb.switch(cycles.first("BP"), within={"mu": (0.2, 6.7)})
     assert sorted(round(arm[-1]["max(w)"], 9) for arm in arms) == [-2.48997992, 2.48997992]
@@ -308,7 +309,6 @@ def peroxidase_oxidase(t: float, x: Any, p: Any) -> list[Any]:
     ]
 
 
-@pytest.mark.slow
 def test_tori_of_the_peroxidase_reaction_end_on_the_folds_at_r1() -> None:
     """There the pair, the fold's multiplier and the trivial one are all 1: beyond it the curve ran
     on along the folds."""
@@ -340,7 +340,6 @@ def test_what_has_doubled_ends_where_that_is_taken_back_next_to_a_point_of_its_o
     assert "its own image" in arm.reason
 
 
-@pytest.mark.slow
 def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
     """Of Duffing's cascade the branch of four periods reaches from one PD of that of two to the
     other; beyond it has the same orbits two periods later, and all labels a second time."""
@@ -358,7 +357,6 @@ def test_what_has_doubled_ends_where_that_is_taken_back() -> None:
     assert len(set(places)) == len(places)
 
 
-@pytest.mark.slow
 def test_what_has_doubled_ends_there_where_each_round_is_a_flow_of_its_own() -> None:
     """Rounds of angles, and of halves with a mirror, are flows at times of their own: the branch
     ends at the other PD of what has doubled all the same."""
@@ -406,7 +404,6 @@ def test_a_finer_mesh_begins_at_the_start_however_far_the_branch_has_come() -> N
     assert branch["mesh"].shape[1] == 80
 
 
-@pytest.mark.slow
 def test_a_step_that_failed_leaves_no_other_roots_to_begin_from() -> None:
     """Beyond the pole of x / (K + x) the equations inside of an interval have roots that are no
     motion. A step that was too long ended on them, and so did all that were tried after it."""
@@ -452,7 +449,6 @@ def test_a_curve_without_its_own_multiplier_asks_for_a_finer_mesh() -> None:
     assert problem.finer(aside, None, False) is not None
 
 
-@pytest.mark.slow
 def test_a_curve_in_two_parameters_gets_a_finer_mesh_for_few_calls_of_the_field(tmp_path) -> None:
     """Folds of Morris and Lecar's neuron on the way to a canard explosion: with 16 intervals the
     period was 9e-4 off, as a point in doubt said, and each point took 240 calls."""
@@ -516,7 +512,6 @@ def bilinear(t: Any, x: Any, p: Any) -> Any:
     return x[1], np.cos(p["w"] * t) - 0.1 * x[1] - np.where(x[0] > 0, 5.0, 1.0) * x[0]
 
 
-@pytest.mark.slow
 def test_events_of_a_forced_orbit_that_a_kink_displaces_are_in_doubt_and_say_where_it_is() -> None:
     """Its mesh has no multiplier that is known to be 1: a PD had a label 0.0018 off."""
 
@@ -542,7 +537,6 @@ def test_events_of_a_forced_orbit_that_a_kink_displaces_are_in_doubt_and_say_whe
     assert "as a Flow with `until`" in place.detail["reason"]
 
 
-@pytest.mark.slow
 def test_a_fold_that_a_kink_in_time_displaces_is_in_doubt() -> None:
     """Duffing's oscillator under a triangle wave: its label was 1.2e-4 off."""
 
@@ -594,7 +588,6 @@ def test_rounding_along_a_tiny_orbit_is_no_kink() -> None:
     assert kink(field, motion, np.linspace(0.0, 2 * np.pi, 81), {}) is None
 
 
-@pytest.mark.slow
 def test_a_branch_sets_out_both_ways_from_a_start_far_from_where_it_was_last() -> None:
     """Cells that divide (Novak and Tyson), with one fast state: from slopes far off those inside
     an interval of the start have another root. Its period is by `solve_ivp`."""
@@ -669,7 +662,6 @@ def test_where_a_field_has_no_values_beside_an_orbit_it_is_not_said_to_have_a_ki
     assert empty.kink == ""
 
 
-@pytest.mark.slow
 def test_rounding_that_grows_along_intervals_at_rest_does_not_end_a_branch() -> None:
     """Before a saddle-node on a circle, from which perturbations grow, a branch ended as MX with
     intervals that were "too long for its flow". The period is 2 pi/sqrt(m^2 - 1)."""

@@ -142,6 +142,7 @@ def test_a_walker_that_has_settled_is_blind_from_the_beginning_of_a_step_on(walk
     assert again.start["period"] == pytest.approx(walker.start["period"], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_blindness_ends_between_the_scuffing_and_the_strike(walker: Any) -> None:
     branch = cb.trace(walker, "blind", within={"blind": (0.5, 4.5)})
     touched = branch.first("GR")
@@ -243,6 +244,7 @@ def test_coupled_pendula_go_over_the_top_in_phase_and_out_of_phase() -> None:
         assert np.sort(abs(off))[1] < 1e-4
 
 
+@pytest.mark.slow
 def test_all_angles_of_an_array_are_wrapped_by_its_name() -> None:
     """Two coupled pendula that turn over together have the period of one."""
 
@@ -297,6 +299,7 @@ def morris_lecar(v: Any, w: Any, current: Any) -> Any:
     return [(current - flows) / 20, 0.04 * np.cosh((v - 2) / 60) * (stays - w)]
 
 
+@pytest.mark.slow
 def test_scales_of_an_equilibrium_are_those_of_its_cycles_too() -> None:
     """A fold of cycles was a branch point where one state is a million times another."""
     scales = {"v": 1e6, "w": 1e-3, "p": 1e-6}
@@ -339,6 +342,7 @@ def test_scales_tell_multipliers_of_states_that_are_far_apart() -> None:
     assert max(map(abs, off)) < 1e-9
 
 
+@pytest.mark.slow
 def test_scales_that_are_none_are_refused() -> None:
     with pytest.raises(BadInput, match="no state or parameter is called so; there are"):
         rotation(1.2, 0.3, scales={"u": 1.0})
@@ -346,6 +350,7 @@ def test_scales_that_are_none_are_refused() -> None:
         rotation(1.2, 0.3, scales={"v": 0.0})
 
 
+@pytest.mark.slow
 def test_a_tongue_of_the_third_order_is_walked_round_once() -> None:
     """Its three phases are one orbit: two folds, and no point twice."""
 
@@ -362,6 +367,7 @@ def test_a_tongue_of_the_third_order_is_walked_round_once() -> None:
     assert last.states(0.0) == pytest.approx(first.states(first.period / 3), abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("current", "periods", "turns"), [(1.9, 1, 2), (1.7, 2, 3)])
 def test_a_step_of_a_junction_is_walked_round_once(current, periods, turns) -> None:
     """Its phase is the same a turn later, and after each period of the drive (Shapiro steps)."""
@@ -432,6 +438,7 @@ def test_a_neuron_that_fires_twice_a_period_has_each_fold_once() -> None:
     assert sorted(point["I"] for point in branch.special) == pytest.approx(folds, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_a_block_that_topples_is_no_cycle() -> None:
     """x'' = x - 1 + 3 cos 5 t falls over from x' = 1; from 0.2 it rocks."""
 

@@ -128,6 +128,7 @@ def never_met(**more) -> cb.Problem:
     return cb.cycle(flow, REST | {"v": 1.0}, {}, **more)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "sentence"),
     [

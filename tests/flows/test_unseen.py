@@ -105,6 +105,7 @@ def test_half_of_a_forced_orbit_doubles_where_the_whole_loses_its_symmetry() -> 
     assert kinds[0] == pytest.approx(kinds[1], rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [1e-6, 1e3])
 def test_a_fold_is_where_it_is_whatever_the_unit_of_time(unit: float) -> None:
     fall = cb.Flow(
@@ -122,6 +123,7 @@ def test_a_fold_is_where_it_is_whatever_the_unit_of_time(unit: float) -> None:
     assert branch[-1]["A"] == 1.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [False, True])
 def test_a_relay_without_hysteresis_leaves_no_room_behind_its_switch(half: bool) -> None:
     def field(push: int) -> Any:
@@ -286,6 +288,7 @@ def test_an_orbit_of_two_periods_comes_back_to_an_asymmetric_one_where_that_doub
 # --- tutorials of other programs ----------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_folds_of_an_enzyme_s_cycles_are_where_auto_has_them() -> None:
     """Its demo plp: the cycles of the second Hopf point fold, and the folds are followed."""
 

@@ -56,6 +56,7 @@ def test_a_point_of_a_branch_takes_few_calls(field, ring) -> None:
     assert asked < 8
 
 
+@pytest.mark.slow
 def test_short_steps_take_fewer(field, ring) -> None:
     """Where nothing happens: two residuals, one of them exact, the check between, and a derivative
     by one call of the field each; and a look at what the mesh may leave."""
@@ -68,6 +69,7 @@ def test_short_steps_take_fewer(field, ring) -> None:
     assert asked < 4.1
 
 
+@pytest.mark.slow
 def test_a_point_of_a_curve_of_period_doublings_takes_few_calls(field, ring) -> None:
     doubling = cb.trace(ring, "r", within={"r": (225.0, 281.0)}, towards="down").first("PD")
     functions, asked = a_point(

@@ -93,6 +93,7 @@ def test_a_curve_of_vanishing_impacts_meets_folds_where_these_begin() -> None:
     assert folds["F"] == pytest.approx([Impacting(w).fold for w in folds["w"]], abs=1e-9)
 
 
+@pytest.mark.slow
 def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_is_only_reached():
     """A neuron that is set back to one state: its multipliers are 0, and it has no folds."""
     fires = cb.Flow(
@@ -109,6 +110,7 @@ def test_where_all_is_forgotten_no_multiplier_is_infinite_though_the_threshold_i
     assert not line["unstable"].any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half", [False, True])
 def test_a_relay_that_only_just_switches_has_no_bifurcation_there(half: bool) -> None:
     """From -h at rest an oscillator overshoots 1 by r (1 + h), r its decay over half a turn: up to
@@ -128,6 +130,7 @@ def test_a_relay_that_only_just_switches_has_no_bifurcation_there(half: bool) ->
     assert branch[-1]["h"] == pytest.approx((1 + r) / (1 - r), abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["VI", "GR"])
 def test_a_curve_of_walls_asks_for_few_flights(kind: str) -> None:
     """Their derivatives come from those of the flights: none of a flight for each unknown."""

@@ -297,6 +297,7 @@ print(json.dumps([sorted(seen), most, memory]))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="counts memory as Linux does")
 def test_no_formula_executes_anything_or_takes_long() -> None:
     """Python tells a hook of all it compiles, executes, imports or opens."""

@@ -49,6 +49,7 @@ def breathers(draw, forcings=FORCINGS, lattices=LATTICES):
 # --------------------------------------------------------------------------------- neighbours
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("gamma", "k"), [(0.2499, 0.4), (0.02, 0.05)])
 def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
     """The maximum of (15) found at 30 digits from the series and its slope."""
@@ -69,6 +70,7 @@ def test_peak_of_the_neighbour_is_that_of_the_paper_s_series(paper, gamma, k):
         assert abs(t - (phi + s + (mp.pi if late else 0))) < 1e-14
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(breathers())
 def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):

@@ -252,6 +252,7 @@ def pair_of_an_arm_in_k():
     return switch(branch.first("PF"), within={"k": (0.5, 0.99)})[0].first("NS")
 
 
+@pytest.mark.slow
 def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchfork():
     """Angle and asymmetry shrink like the root of 1 - k: the line ends at a bound, not in rounding,
     and there it is as close to the pitchfork of elastic impacts as it has to be."""
@@ -265,6 +266,7 @@ def test_neimark_sacker_line_of_an_arm_ends_beside_elastic_impacts_at_the_pitchf
     assert roots == pytest.approx([roots[-1]] * 3, rel=0.01)
 
 
+@pytest.mark.slow
 def test_neimark_sacker_line_in_k_and_gamma_follows_the_edge_of_the_band_to_elastic_impacts():
     """One of its ends is the pitchfork; at the other the angle comes as close to the edge of the
     band as (1 - k)^2, nearer than any fixed step of a difference could stay off it."""
@@ -304,6 +306,7 @@ def test_a_pair_leaves_the_circle_where_its_locus_says():
         assert abs(F[0]) < 1e-9
 
 
+@pytest.mark.slow
 def test_neimark_sacker_line_of_an_arm_runs_from_grazing_to_grazing():
     """Found once on the branch; its line ends where the line of grazing meets it."""
     arm = arms(0.034, 0.95)[0]
@@ -349,6 +352,7 @@ def test_fold_line_of_a_subcritical_arm():
         assert orbit.admissibility().margin > -1e-12
 
 
+@pytest.mark.slow
 def test_fold_line_of_an_arm_meets_its_mirror_image_at_the_pitchfork():
     """There the pitchfork changes its criticality; no cusp, though two folds of arms meet."""
     turn = subcritical_arm().first("LP")

@@ -128,6 +128,7 @@ def test_a_site_that_a_mean_of_the_drive_has_moved_hits_beyond_its_grazing(sprin
     assert abs(back["a"] - end["a"]) < 1e-12
 
 
+@pytest.mark.slow
 def test_a_diagram_goes_on_beyond_grazing_when_asked():
     breather, within = cb.symmetric(0.85, **CHAINS["ring"]), {"a": (0.8, 1.0)}
     alone = cb.diagram(breather, "a", within=within)
@@ -249,6 +250,7 @@ def test_an_orbit_that_persists_is_unstable_as_its_sentence_says_and_simulations
     assert np.abs(np.subtract(run.final, orbit.state())).max() > 1e-2
 
 
+@pytest.mark.slow
 def test_what_ends_within_its_first_step_is_followed_to_there():
     """Site 4 comes to its other wall 0.0005 in a after the first."""
     within, parts = {"a": (0.5, 1.3)}, {"k": [0.8, 0.75, 0.8, 0.9, 0.6], "omega": 1.2, "site": 2}
@@ -266,6 +268,7 @@ def test_what_ends_within_its_first_step_is_followed_to_there():
     assert arm[-1]["a"] == pytest.approx(fine.first("GR")["a"], abs=1e-13)
 
 
+@pytest.mark.slow
 def test_a_sentence_says_what_hits_twice_in_a_row_and_what_no_more():
     within = {"a": (0.5, 1.5)}
     end = cb.trace(cb.symmetric(0.8, **SOFT["ring"]), "a", within=within).first("GR")

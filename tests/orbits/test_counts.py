@@ -49,6 +49,7 @@ def test_no_window_is_smoothly_next_to_an_empty_one():
     assert np.abs(np.diff(sizes, 2)).max() < 0.05 * np.abs(np.diff(sizes)).max()
 
 
+@pytest.mark.slow
 def test_random_branches_have_the_same_special_points_from_anywhere_and_as_a_scan():
     seen = Counter()
     for number in range(8, 12):

@@ -75,6 +75,7 @@ def test_curves_of_doublings_end_where_an_impact_vanishes_in_resonance():
     assert end["a"] == pytest.approx(touching, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_where_an_impact_vanishes_doublings_are_met_from_both_curves():
     """The multipliers that stay finite are those of the free flight in which the site that hits is
     at its wall when it begins and ends."""

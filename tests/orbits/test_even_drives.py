@@ -178,6 +178,7 @@ def _branch(arm: int, share: float) -> Any:
     return cb.trace(start, "a", within={"a": (0.72, 0.82)}, towards="down")
 
 
+@pytest.mark.slow
 def test_a_small_even_harmonic_breaks_a_pitchfork_into_a_fold_and_nothing() -> None:
     """The cusp a - a_PF = const share^(2/3), as of every imperfect pitchfork."""
     whole = cb.symmetric(0.7, 0.04, 0.8, lattice=cb.Ring(6))

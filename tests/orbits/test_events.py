@@ -160,6 +160,7 @@ def on_damped_ring(*, every: bool) -> cb.Branch:
     return cb.trace(start, "gamma", within=window, events=[event])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("branch", "points"),
     [

@@ -419,6 +419,7 @@ def test_zones_in_the_frequency_and_the_coupling_have_the_closed_forms():
     assert "PF-GR" in zones.meetings()
 
 
+@pytest.mark.slow
 def test_zones_in_omega_and_a_are_those_in_gamma_and_a_in_other_coordinates(tmp_path):
     plane = cb.zones(k=0.8, gamma=0.05, within={"omega": (0.55, 1.2)})
     assert (plane.pair, dict(plane.held)) == (("omega", "a"), {"gamma": 0.05})
@@ -454,6 +455,7 @@ def test_zones_at_another_frequency_are_scaled_ones():
         cb.zones(k=0.8, gamma=0.1, omega=1.5)
 
 
+@pytest.mark.slow
 def test_zones_of_a_coupling_go_up_to_the_band_of_their_frequency_and_lattice():
     """Not to 1/4, where the band of the chain comes to the frequency 1."""
     plane, scaled = cb.zones(gamma=0.6, omega=2.0), cb.zones(gamma=0.15)

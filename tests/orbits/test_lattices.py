@@ -114,6 +114,7 @@ def test_the_infinite_chain_refuses_damping_and_its_arms_springs() -> None:
         cb.trace(fork, "mu")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("threshold", "also"), [(1.0, "NS-LP"), (1.005, None)])
 def test_a_curve_of_pairs_ends_once_where_they_become_a_double_multiplier(threshold, also) -> None:
     lossy = cb.symmetric(0.3, 0.215, 0.75, lattice=cb.Ring(12), damping=0.02)
@@ -508,6 +509,7 @@ def test_sites_that_take_turns_are_images_a_period_later() -> None:
     assert motion.differences([1], 0) > 1e-2
 
 
+@pytest.mark.slow
 def test_a_curve_of_grazing_ends_where_the_impact_itself_vanishes() -> None:
     """Of two coupled sites: the second just follows where the half period turns their difference
     back into itself, 2 gamma - damping^2 / 4 = 1, and both come to their walls under the drive."""

@@ -79,6 +79,7 @@ def test_sites_of_a_section_are_looked_up_on_its_lattice() -> None:
 # --- other descriptions of an orbit ---------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("lattice", [cb.Ring(9), cb.Grid(4, 4)], ids=repr)
 def test_mirror_images_of_arms_of_several_sites_are_recognised(lattice) -> None:
     two = cb.multibreather([0, 3], a=0.7, gamma=0.02, k=0.8, lattice=lattice, damping=0.01)
@@ -167,6 +168,7 @@ def test_an_arm_written_over_twice_its_period_is_known_for_its_half() -> None:
     assert simpler_than(once) is None
 
 
+@pytest.mark.slow
 def test_arms_of_arms_are_known_as_images_however_short_their_first_steps_are() -> None:
     """That of the second one is 5e-6 long: so close to the branch point Newton's iteration finds
     the place on the first one, its image, to a thousandth of that."""

@@ -204,6 +204,7 @@ def test_a_curve_of_grazing_by_springs_goes_on_to_no_coupling(other: str) -> Non
     assert end["a"] == pytest.approx(0.9 * math.hypot(1 - end["spring"], 0.02), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_curve_of_grazing_from_no_springs_is_one_beyond() -> None:
     """The idle sites are held off centre less and less: each point flown until it touches."""
     start = cb.symmetric(0.6, 0.01, 0.88, lattice=cb.Ring(3), damping=0.005)

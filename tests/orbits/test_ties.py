@@ -228,6 +228,7 @@ def tilted(a: float, k: float, damping: float = 0.0) -> list[cb.orbits.Orbit]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lattice", "a", "k", "word"),
     [
@@ -258,6 +259,7 @@ def test_mirror_images_end_at_one_coupling_which_is_located(lattice, a, k, word)
     assert min(abs(gamma / reached[0] - 1.0) for gamma in forks) < 1e-8
 
 
+@pytest.mark.slow
 def test_arms_of_neighbours_at_once_set_out_though_a_mode_is_an_unknown_on_one_side_only() -> None:
     chain = cb.OpenChain(4, ends="fixed")  # its highest mode comes to half the drive's frequency
     on = {"a": 0.65, "k": 0.756, "damping": 0.0221, "spring": 0.126, "lattice": chain}

@@ -53,6 +53,7 @@ def test_no_point_of_a_grazing_curve_is_behind_another_wall(k, forcing, window):
             assert reach(point.solution) < 1 + 1e-9, point
 
 
+@pytest.mark.slow
 def test_where_a_lower_crest_grazes_no_more_the_higher_one_takes_over() -> None:
     within = {"gamma": (0.235, 0.245)}
     diagram = cb.zones(k=0.8, forcing=WELLS, within=within, past_folds=True)
@@ -145,6 +146,7 @@ def test_regions_of_a_ring_are_lettered_by_its_own_multipliers(ring: cb.orbits.Z
             assert breather.stability().stable == (region.verdict == "S")
 
 
+@pytest.mark.slow
 def test_threshold_of_a_ring_is_what_the_zones_are_about() -> None:
     within = {"gamma": (0.03, 0.06), "a": (0.1, 0.4)}
     lattice = cb.Ring(20)

@@ -162,6 +162,7 @@ def test_other_planes_show_the_same_points(plane: dict[str, float]) -> None:
     np.testing.assert_allclose(fold["a"], [*folds], rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings() -> None:
     found = cb.zones(k=0.3, lattice=cb.Ring(8), within={"gamma": (0.24, 0.2499)})
     (line,) = found["NS"]
@@ -258,6 +259,7 @@ def test_the_limit_goes_on_with_site_zero_in_the_plane_of_k_and_gamma(a: float) 
     assert at_corner.neighbours == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "plane", [{"k": 0.05}, {"k": 0.8, "forcing": WELLS, "within": {"gamma": (0.0, 0.04)}}]
 )
@@ -339,6 +341,7 @@ def test_an_interrupted_zone_diagram_is_marked_and_has_no_curve_twice(after: int
         assert all(len(branches) <= 1 for branches in kept.curves.values())
 
 
+@pytest.mark.slow
 def test_several_values_give_several_diagrams_of_which_an_interruption_keeps_the_finished() -> None:
     plane = {"gamma": (0.02, 0.06), "a": (0.3, 0.9)}
     chain = Impatient(10**9)
@@ -467,6 +470,7 @@ def test_on_a_ring_none_says_that_there_is_no_breather_of_the_families_drawn(
         assert None not in region.lower
 
 
+@pytest.mark.slow
 def test_a_sheet_between_two_amplitudes_of_the_comb_is_found_next_to_its_fold() -> None:
     forcing = cb.Fourier(cos={1: -1.0, 5: -2.6852264924}, sin={5: 3.0800950413})
     diagram = cb.zones(k=0.073, forcing=forcing, within={"gamma": (0.24, 0.2499)})

@@ -16,6 +16,7 @@ def elastic() -> cb.orbits.Zones:
     return cb.zones(k=0.8, within=WINDOW, beyond=True)
 
 
+@pytest.mark.slow
 def test_beyond_grazing_three_sites_impact_and_are_unstable(elastic) -> None:
     (region,) = (region for region in elastic.regions if any(region.beyond))
     assert {*region.beyond} == {"3 sites impact: unstable"}
@@ -70,6 +71,7 @@ def test_a_diagram_without_GR_says_so() -> None:
     assert [*low.sentences()] == ["No curve of GR is there, beyond which other orbits could be"]
 
 
+@pytest.mark.slow
 def test_what_is_beyond_is_kept_in_files_and_drawn(elastic, tmp_path) -> None:
     cb.save(tmp_path / "zones.nc", elastic)
     kept = cb.load(tmp_path / "zones.nc")

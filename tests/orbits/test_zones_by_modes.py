@@ -20,6 +20,7 @@ def damped() -> cb.orbits.Zones:
     )
 
 
+@pytest.mark.slow
 def test_the_picture_names_the_site_and_walls(damped) -> None:
     far = cb.zones(k=0.8, lattice=cb.Ring(3), walls=(-2, 2), within=FAR, progress=False)
     for zones, said in ((damped, "3 sites, site 1, damping 0.02"), (far, "3, walls -2.0,2.0")):
@@ -65,6 +66,7 @@ def test_every_pair_that_passes_the_threshold_has_its_curve(tmp_path: Path) -> N
             cb.trace(orbit, "a", events=[cb.neimark_sacker(every=True)])
 
 
+@pytest.mark.slow
 def test_damped_rings_without_springs_have_a_diagram_from_gamma_0_on() -> None:
     """At gamma = 0 idle sites rest anywhere: the pitchfork there does not begin its curve."""
     k, model = 0.7, {"lattice": cb.Ring(4), "damping": 0.02}
@@ -108,6 +110,7 @@ def test_a_family_ends_at_the_fold_whatever_modes_are_unknowns() -> None:
     assert {*families} == {"upper", "lower"}
 
 
+@pytest.mark.slow
 def test_planes_of_k_go_up_to_where_the_hardest_site_loses_nothing() -> None:
     """They were refused, with a k that nobody gave."""
     lattice = cb.OpenChain(3, restitutions=[1.0, 0.9, 1.06])
@@ -125,6 +128,7 @@ def test_a_window_of_one_parameter_leaves_the_other_whole_at_another_frequency()
     assert cut[0][1] == pytest.approx(4 * 0.2499) == whole[0][1]
 
 
+@pytest.mark.slow
 def test_curves_between_two_folds_that_no_amplitude_of_the_comb_hits_are_found() -> None:
     """At a fold the map is that of its coupling alone: where a pair has the threshold's modulus on
     one, it has on all of them, and a curve of NS sets out from each."""

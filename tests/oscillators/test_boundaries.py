@@ -16,6 +16,8 @@ from contbreather.oscillators.breather_problem import (
     whole_orbit,
 )
 
+pytestmark = pytest.mark.slow
+
 MORSE = lambda u: ((1 - np.exp(-u)) * np.exp(-u), 2 * np.exp(-2 * u) - np.exp(-u))  # noqa: E731
 CUBIC = lambda u: (u + 0.6 * u**2 + u**3, 1 + 1.2 * u + 3 * u**2)  # noqa: E731
 HARD = lambda u: (u + u**3, 1 + 3 * u**2)  # noqa: E731

@@ -61,6 +61,7 @@ def test_a_slow_single_oscillator_is_found_next_to_its_separatrix() -> None:
         cb.breather(morse, {2: 1}, omega=0.5, params={"c": 0.05})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", [{2: 1}, {2: 1, 3: -1}])
 def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> None:
     """Those of many sites, on a lattice of few: multipliers, branches and their ends, too."""
@@ -239,6 +240,7 @@ def test_a_function_that_complex_steps_do_not_differentiate_is_refused() -> None
         cb.breather(kinked, {0: 1}, omega=1.5, params={"c": 0.05})
 
 
+@pytest.mark.slow
 def test_where_the_energy_of_the_family_turns_is_an_event(tmp_path) -> None:
     """At given c the energies of the family are stationary in the frequency there, and so they are
     along its curve, which is another one than that of the fold beside it when it was loaded."""
@@ -348,6 +350,7 @@ def test_lattices_without_isolated_breathers_say_why(given, says) -> None:
         cb.breather(cb.Oscillators(**given), {4: 1}, omega=2.5)
 
 
+@pytest.mark.slow
 def test_a_branch_of_breathers_is_drawn_by_its_largest_displacement(tmp_path) -> None:
     """Also one that was loaded: its unknowns, a mesh and times, say nothing."""
     branch = cb.trace(phi4(cb.Ring(5), {2: 1}, 0.05), "c", within={"c": (0.04, 0.06)})
@@ -436,6 +439,7 @@ def test_its_stability_is_a_verdict() -> None:
     assert "max(v9)" not in str(orbit.table())
 
 
+@pytest.mark.slow
 def test_an_orbit_says_which_of_its_harmonics_is_in_the_band() -> None:
     """Odd forces have no second one."""
     chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(3))
@@ -460,6 +464,7 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one(none) -> None:
         cb.plot(none)
 
 
+@pytest.mark.slow
 def test_open_circles_among_the_multipliers_have_a_legend() -> None:
     """Those of the band, below a hard breather; above a soft one they have the signature +1."""
     both = phi4(cb.Ring(5), {0: 1, 2: -1}, 0.03).solution
@@ -475,6 +480,7 @@ def test_open_circles_among_the_multipliers_have_a_legend() -> None:
     assert plot_multipliers(alone).axes.get_legend() is None
 
 
+@pytest.mark.slow
 def test_long_runs_are_drawn_in_space_and_time_with_their_energy() -> None:
     """The largest displacement of each site in each period, and the energies of all and of one."""
     start = phi4(cb.OpenChain(3), {1: 1}, 0.05)
@@ -504,6 +510,7 @@ KEPT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [*KEPT])
 def test_a_loaded_branch_has_its_equations(kind, tmp_path) -> None:
     given, code, omega, params, free = KEPT[kind]
@@ -574,6 +581,7 @@ def test_both_edges_of_a_tongue_within_one_step_are_located() -> None:
         assert [counts[end] for end in window if end != middle] == [3]
 
 
+@pytest.mark.slow
 def test_an_orbit_that_is_its_own_image_does_not_double_where_a_pair_touches_minus_one() -> None:
     """Its multipliers are squares of those of the half: at -1 pairs at +-i meet, and pass."""
     chain = cb.Oscillators("u**2/2 - u**4/4", "c*r**2/2", lattice=cb.OpenChain(3))
@@ -600,6 +608,7 @@ def test_curves_from_a_branch_in_the_energy_may_be_in_the_frequency() -> None:
         assert np.hypot(curve["omega"] - edge["omega"], curve["c"] - 0.1).min() < 1e-9
 
 
+@pytest.mark.slow
 def test_sites_that_hardly_feel_each_other_have_no_pf_next_to_no_coupling() -> None:
     """A site in between makes the index leave 1 as the coupling squared: to both sides of it."""
     chain = cb.Oscillators("u**2/2 + u**4/4", "c*r**2/2", lattice=cb.Ring(9))

@@ -13,6 +13,8 @@ from contbreather.oscillators import anticontinuum
 from tests.orbits.field import Field
 from tests.stability.by_hand import apart
 
+pytestmark = pytest.mark.slow
+
 DUFFING = {"b": 1.0, "c": 0.02, "d": 0.1, "a": 0.15}
 
 

@@ -108,6 +108,7 @@ def test_rows_of_figure_2_tell_the_rule_from_the_exact_lines(second: Figure2) ->
 # --- Figs. 3 and 4 --------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @both_of_them
 def test_panels_before_and_after_are_told_apart_by_gamma_and_verdict(number) -> None:
     axes = axes_of(number)

@@ -40,6 +40,7 @@ def test_angle_of_the_crossing_is_that_of_the_largest_multiplier() -> None:
     assert np.cos(2 * np.pi * found.angle) == pytest.approx(top.real / abs(top), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_long_rings_tend_to_the_isolated_pair_at_the_threshold() -> None:
     """So the rule does not converge to the point where the pair comes out, but passes it."""
     limit = neimark_sacker_point(0.2, 0.8, sites=None).gamma

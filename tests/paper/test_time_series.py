@@ -20,6 +20,7 @@ def figures():
     return cache(lambda n: getattr(time_series, f"figure{n}")())
 
 
+@pytest.mark.slow
 def test_figure_5_is_an_attractor_and_its_differences_are_as_measured(figures):
     numbers = figures(5).numbers
     assert numbers["difference_0"] == pytest.approx(0.098, abs=5e-4)
@@ -73,6 +74,7 @@ def test_figure_7_is_asymmetric_and_needs_hard_walls(figures):
     assert "delocalised" in soft.caption
 
 
+@pytest.mark.slow
 def test_figure_7_shows_the_ring_on_the_asymmetric_breather_of_its_own_side(figures):
     """At the times of the exact line, and off centre to the same side as the circles."""
     numbers = figures(7).numbers
@@ -87,6 +89,7 @@ def test_figure_7_shows_the_ring_on_the_asymmetric_breather_of_its_own_side(figu
         assert np.corrcoef(exact.u, arm.u)[0, 1] > 0.9  # in phase
 
 
+@pytest.mark.slow
 def test_figure_8_is_a_transient_beside_a_genuine_torus(figures):
     numbers = figures(8).numbers
     assert 50 < numbers["lost"] < 250

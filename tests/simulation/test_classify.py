@@ -66,6 +66,7 @@ def test_verdict_on_runs_of_known_ends(a, gamma, damping, settle, kind):
         assert found.evidence["multiplier"] == pytest.approx(0.999141, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_slowly_shrinking_direction_is_not_counted_as_a_frequency():
     """gamma = 0.0845 of the theory notes: exponents 0 and -1.2e-4, hard to tell apart."""
     conditions = {"a": 0.1, "gamma": 0.0845, "k": 0.8, "damping": 0.005}
@@ -125,6 +126,7 @@ def test_run_next_to_a_motion_that_repels_is_undecided(
     assert "it repels" in found.reason
 
 
+@pytest.mark.slow
 def test_small_torus_around_a_motion_that_repels_is_a_torus():
     """Just beyond its Neimark-Sacker bifurcation a motion repels, but what is next to it stays."""
     conditions = {"a": 0.15, "gamma": 0.0995, "k": 0.8, "damping": 0.02}
@@ -142,6 +144,7 @@ def test_small_torus_around_a_motion_that_repels_is_a_torus():
 BANDS = [(1.0409, 0.0086), (1.04115, 0.0104)]
 
 
+@pytest.mark.slow
 def test_bands_of_chaos_visited_in_turn_are_chaotic():
     """Two rows of bands: a rotation number of 1/2 to ten digits, and repelling orbits within."""
     a, exponent = BANDS[0]

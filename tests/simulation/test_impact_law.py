@@ -173,6 +173,7 @@ def test_an_orbit_is_let_go_under_another_law():
     assert "nan" not in str(run.table())
 
 
+@pytest.mark.slow
 def test_an_arm_in_a_file_is_what_it_was_of_the_motion_that_is_given_again(tmp_path: Path) -> None:
     law = lambda speed: 0.9 / (1.0 + 0.15 * speed)  # noqa: E731
     start = cb.symmetric(0.7, 0.04, 0.8).state(4)

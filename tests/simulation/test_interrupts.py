@@ -142,6 +142,7 @@ print(found.complete, (found.outcome == -1).any())
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked up there")
 def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_path):
     script = tmp_path / "script.py"
@@ -158,6 +159,7 @@ def test_ctrl_c_ends_a_basin_with_workers_that_are_in_the_middle_of_a_row(tmp_pa
     assert (out, child.returncode) == ("False True\n", 0), err
 
 
+@pytest.mark.slow
 @pytest.mark.apart
 def test_ctrl_c_waits_for_the_end_of_compiled_code_and_is_not_lost(monkeypatch):
     """A real signal, within a block and at any moment of the compiled solver and what it calls."""

@@ -91,6 +91,7 @@ def test_a_section_that_stands_still_does_not_turn(rounding: float) -> None:
 # --- verdicts -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_early_is_undecided_with_its_reason() -> None:
     fast, state = {"a": 0.5, "gamma": 0.0, "k": 1.0}, ([0.1], [1e5])  # from wall to wall in 2/v
     for settle in (0, 1):

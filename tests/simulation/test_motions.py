@@ -46,6 +46,7 @@ def test_its_curve_in_damping_and_amplitude_is_that_of_the_shot_orbit(pitchfork)
         assert one["a"] == pytest.approx(other["a"], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_its_arms_are_what_simulation_settles_to_and_double_their_period(pitchfork):
     (arm,) = cb.switch(pitchfork, within={"a": (0.7, 0.87)})
     last = arm[-1].solution
@@ -61,6 +62,7 @@ def test_its_arms_are_what_simulation_settles_to_and_double_their_period(pitchfo
     assert min(gaps) < 1e-7
 
 
+@pytest.mark.slow
 def test_a_single_site_doubles_from_arm_to_arm_with_the_digits_of_the_closed_forms():
     """k = 0.8: 0.691778556508 (PF), 0.925512006293 and 0.979973549455 (PD)."""
     start = breather(1, a=0.6, gamma=0.0, k=0.8, t0=1.0)
@@ -96,6 +98,7 @@ def test_torus_is_born_with_the_angle_of_its_normal_form():
         assert rotation(*seen.strobe).number == pytest.approx(min(wanted, 1.0 - wanted), abs=2e-3)
 
 
+@pytest.mark.slow
 def test_smooth_walls_have_arms_and_doublings_too():
     # away from the walls the state is a smooth function of a: 13 points, 81 at t0 = 0
     on = {"gamma": 0.0, "k": 0.7, "m": 12, "damping": 0.01, "t0": 1.0}

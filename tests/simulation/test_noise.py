@@ -74,6 +74,7 @@ def test_impacts_under_noise_obey_their_law_and_walls_hold(k: float) -> None:
     assert (run.rests.size > 0) == (k == 0.0)
 
 
+@pytest.mark.slow
 def test_under_noise_a_verdict_says_whether_the_breather_is_there_and_no_more(tmp_path: Path):
     found = [judge(cb.simulate(START, periods=50, noise=s, **ON)) for s in (1e-4, 0.5)]
     assert [one.kind for one in found] == [Kind.NOISY, Kind.DELOCALISED]

@@ -76,6 +76,7 @@ def test_a_recording_is_read_in_pieces_that_are_the_whole(tmp_path, state):
     )
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_length_of_a_recording(tmp_path):
     """A machine that is fast takes the longest chunks there are, of 16 MB each."""
     sample, on = Sample((0,), 2**15), {"a": 0.7, "gamma": 0.06, "k": 0.2}
@@ -140,6 +141,7 @@ def saved(path: Path) -> int:
     return open_recording(path).periods if path.exists() else 0
 
 
+@pytest.mark.slow
 def test_ctrl_c_keeps_every_finished_period(tmp_path, state):
     path = tmp_path / "run.nc"
     with recording_elsewhere(path, state) as child:
@@ -151,6 +153,7 @@ def test_ctrl_c_keeps_every_finished_period(tmp_path, state):
     assert_same(first, simulate(state, **CONDITIONS, periods=first.periods))
 
 
+@pytest.mark.slow
 def test_a_killed_process_leaves_what_it_saved_and_the_run_goes_on_from_there(tmp_path, state):
     path = tmp_path / "run.nc"
     with recording_elsewhere(path, state) as child:

@@ -250,6 +250,7 @@ def test_endless_chatter_ends_with_a_reason():
     assert run.periods == 0
 
 
+@pytest.mark.slow
 def test_fast_elastic_impacts_are_followed_and_too_many_are_not_called_a_chatter():
     """From wall to wall in 2/v: pi v impacts in a period."""
     fast = simulate(([0.1], [4e4]), a=0.5, gamma=0.0, k=1.0, periods=1)
