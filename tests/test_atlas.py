@@ -138,6 +138,7 @@ def test_an_interrupted_atlas_says_so_in_its_file(found: Any, monkeypatch: Any, 
         assert data.attrs["interrupted"] == "after 1 of 3 diagrams"
 
 
+@pytest.mark.slow
 def test_the_command_writes_data_and_a_picture(run: Run) -> None:
     line = "atlas --k 0.8:0.8:1,2 --gamma-window 0 0.01 --workers 1 --save atlas.nc"
     status, out, _ = run(f"{line} --json --csv atlas.csv -o atlas.png")
@@ -188,6 +189,7 @@ def test_an_atlas_without_a_curve_is_refused() -> None:
         cb.atlas(k=0.8, within={"gamma": (0.03, 0.031), "a": (0.5, 0.51)}, executor=1)
 
 
+@pytest.mark.slow
 def test_the_command_says_how_many_diagrams_there_are_and_which_are_missing(run):
     status, out, _ = run("atlas --k 0.8,2,0.7 --gamma-window 0 0.01 --workers 1 --save a.nc")
     first, missing, wrote = out.splitlines()

@@ -159,6 +159,7 @@ def test_where_two_graze_both_are_named(run: Run) -> None:
         assert abs(breather.displacement(int(site), float(time))) == pytest.approx(1.0, abs=1e-8)
 
 
+@pytest.mark.slow
 def test_tables_fit_terminals_of_80_columns(tmp_path: Path) -> None:
     """A real terminal, of 80 columns: each number is whole, and right to its last digit."""
     command = f"stty cols 80; {sys.executable} -m contbreather boundary NS --k 0.8"
@@ -282,6 +283,7 @@ def test_bare_zones_writes_a_figure_and_a_table(bare) -> None:
     assert found == {(k, kind) for k in (0.8, 0.4) for kind in ("LP", "GR", "PF", "NS")}
 
 
+@pytest.mark.slow
 def test_zones_print_for_programs_without_writing(run: Run) -> None:
     line = "zones --k 0.8 --gamma-window 0.05 0.08 --json"
     content = strict(run(line)[1])
@@ -348,6 +350,7 @@ def test_without_meetings_there_is_a_sentence_and_no_empty_table(run: Run) -> No
     assert "┃" not in out
 
 
+@pytest.mark.slow
 def test_help_shows_a_default_that_says_something(run: Run) -> None:
     """0 does; that something is not asked for, not given or empty does not."""
     shown = set[str]()

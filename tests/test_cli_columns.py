@@ -131,6 +131,7 @@ def data_of(ax) -> np.ndarray:
     return np.concatenate([np.stack(line.get_data(), 1) for line in ax.get_lines()])
 
 
+@pytest.mark.slow
 def test_picture_of_arms_lays_no_branch_that_turns_back_upon_itself(run, pictures) -> None:
     """By the asymmetry dashes of the lower breathers would lie between those beyond PF."""
     assert run("switch --free a --gamma 0.04 --k 0.8 -o s.png")[0] == DONE
@@ -157,6 +158,7 @@ def test_picture_of_a_curve_is_that_of_its_columns(run, pictures, line, x, y, la
         assert np.abs(data_of(ax) - place).max(axis=1).min() < 1e-9
 
 
+@pytest.mark.slow
 def test_picture_of_a_switch_shows_momentum_above_and_asymmetry_below(run, pictures) -> None:
     line = "switch --free a --gamma 0.04 --k 0.8 --window 0.5 0.95 -o s.png --json"
     arms = json.loads(run(line)[1])["arms"]

@@ -152,6 +152,7 @@ sys.exit(main())
 """
 
 
+@pytest.mark.slow
 def test_a_process_ends_with_its_status_and_a_sentence(tmp_path: Path) -> None:
     line = "zones --k 0.8 --k 0.4 --k 0.9 --json --csv zones.csv"
     with begun("-c", AT_WORK, "20", *line.split(), cwd=tmp_path) as one:
@@ -242,6 +243,7 @@ def test_a_full_or_closed_standard_output_is_a_sentence(tmp_path: Path, line: st
     assert (one.returncode, one.stderr) == (1, said)
 
 
+@pytest.mark.slow
 def test_a_full_or_closed_standard_error_keeps_the_status(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         one = process("point --a 1 --gamma 1 --k 1", tmp_path, stderr=full)

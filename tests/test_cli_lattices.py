@@ -107,6 +107,7 @@ def test_damping_and_springs_are_parameters_to_vary(run, free: str, lattice: str
     assert columns["p"][-1] == pytest.approx(own.p, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:
     lattice = f"{AT} --lattice open:9 --window 0.7 0.95"
     found = content(run, f"switch --free a {lattice}")
@@ -117,6 +118,7 @@ def test_switch_and_diagram_leave_the_pitchfork_of_the_lattice(run) -> None:
     assert [branch["depth"] for branch in tree["branches"]] == [0, 1, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("lattice", "kind"),
     [("open:9", "PERIODIC"), ("grid:3x3", "UNDECIDED")],  # it repels

@@ -55,6 +55,7 @@ def test_every_end_has_its_status_and_its_words(monkeypatch, capsys, how, status
     assert capsys.readouterr() == ("", f"contbreather: {words}\n")
 
 
+@pytest.mark.slow
 @pytest.mark.apart
 def test_a_process_of_its_own_reads_its_arguments_and_ignores_ctrl_c_at_its_end(
     monkeypatch, capsys
@@ -84,6 +85,7 @@ def test_a_table_on_standard_output_has_it_to_itself() -> None:
     assert "6 points; reached the edge of the window" in " ".join(done.stderr.split())
 
 
+@pytest.mark.slow
 def test_a_table_may_go_to_standard_output_whatever_that_is() -> None:
     with open("/dev/full", "w") as full:  # as any other device, a terminal for instance
         done = ended("-m", "contbreather", *BRANCH.split(), stdout=full)
@@ -91,6 +93,7 @@ def test_a_table_may_go_to_standard_output_whatever_that_is() -> None:
     assert (done.returncode, done.stderr) == (BAD_INPUT, said)
 
 
+@pytest.mark.slow
 def test_a_table_into_the_file_that_standard_output_is_is_refused(tmp_path) -> None:
     line = ["zones", "--k", "0.8", "--csv", "zones.csv"]
     with (tmp_path / "zones.csv").open("w") as out:

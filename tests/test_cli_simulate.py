@@ -125,6 +125,7 @@ def test_push_is_of_the_size_given_and_the_same_for_the_same_seed(run):
 # --- streams --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_stream_goes_on_and_ends_like_one_run(run):
     first = json.loads(run(f"{LOST} --stream run.nc --periods 60 --json")[1])
     line = f"{LOST} --stream run.nc --periods 160 --json --csv all.csv --impacts i.csv"
@@ -208,6 +209,7 @@ def test_second_interruption_while_judging_leaves_all_but_the_verdict(run, monke
 # --- files, refusals ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "more",
     ["--gamma 0.02 --periods 30 --smooth 6", "--gamma 0 --periods 30 --sites 1",
@@ -220,6 +222,7 @@ def test_picture_of_a_run_is_drawn(run, more):
     assert Path("p.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_drawn_sites_reach_their_walls(run, monkeypatch):
     drawn, motion = [], cb.plotting.plot_motion
     monkeypatch.setattr(

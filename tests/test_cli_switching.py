@@ -75,6 +75,7 @@ def test_on_a_ring_the_same_arms_are_shot(run: Run) -> None:
     assert out.count("0.877386621674") == 2
 
 
+@pytest.mark.slow
 def test_switching_goes_on_from_branch_to_branch(run: Run) -> None:
     line = "switch --free a --gamma 0 --k 0.8 --at pf --at PD1 --window 0.6 0.99"
     status, out, _ = run(f"{line} -o doubled.png")
@@ -87,6 +88,7 @@ def test_switching_goes_on_from_branch_to_branch(run: Run) -> None:
 # --- diagram --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_diagram_is_printed_as_a_tree_and_drawn(run: Run) -> None:
     status, out, err = run(f"{DIAGRAM} -o tree.png --csv tree.csv")
     assert (status, err) == (DONE, "")

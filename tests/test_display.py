@@ -118,6 +118,7 @@ def test_what_a_table_says_is_what_the_result_has(tmp_path: Path) -> None:
         assert len(pictures_of(value._repr_html_())) == (value is alone)  # that of its orbit
 
 
+@pytest.mark.slow
 def test_a_covering_is_a_line_for_each_count_and_one_for_each_gap() -> None:
     start = cb.symmetric(a=0.5, gamma=0.1, k=0.8)
     over = certify(cb.trace(start, "gamma", within={"gamma": (0.1, 0.13)}, towards="up"))

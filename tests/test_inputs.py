@@ -73,6 +73,7 @@ def entries(b: cb.Orbit) -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]
     }
 
 
+@pytest.mark.slow
 def test_what_is_no_number_is_refused_at_every_entry(breather: cb.Orbit) -> None:
     """Each number of each entry is replaced in turn by three things that are none."""
     rng = random.Random(5)

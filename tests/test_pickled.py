@@ -117,6 +117,7 @@ def test_events_of_the_front_desk_out_of_a_pickle_find_the_same() -> None:
     assert again(cb.fold()) == cb.fold()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cycle", "breather"])
 def test_cycles_go_through_a_pickle(name: str) -> None:
     """Their last digits depend on what was solved before."""

@@ -211,6 +211,7 @@ def test_branches_have_different_colours_in_one_call_and_in_several(in_a: Branch
     assert len({line.get_color() for line in curves(ax)}) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [8, 20])
 def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count: int) -> None:
     several = [
@@ -237,6 +238,7 @@ def test_more_values_than_colours_of_the_cycle_have_one_each_and_a_legend(count:
     assert legend.get_window_extent().y0 >= ax.bbox.y1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("names", [("c", "d", "e"), ("c", "d", "e", "stiffness")])
 def test_values_for_whose_words_there_is_no_room_leave_the_axes_large(names: tuple[str, ...]):
     # as of an ensemble of uneven chains, which differ in all their means
@@ -253,6 +255,7 @@ def test_values_for_whose_words_there_is_no_room_leave_the_axes_large(names: tup
     )
 
 
+@pytest.mark.slow
 def test_a_legend_of_zones_in_axes_of_ones_own_is_off_their_curves_and_title(diagram: Zones):
     """In a column of a journal it lay on all of them."""
     from matplotlib.figure import Figure
@@ -590,6 +593,7 @@ def figure() -> object:
     return drawn()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("suffix", "begins"), [("PNG", b"\x89PNG\r"), ("pdf", b"%PDF-"), ("svg", b"<?xml")]
 )
@@ -652,6 +656,7 @@ def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
 # --- what plots return --------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_plots_return_the_artists_that_they_added_with_their_axes_and_figure(in_a, diagram):
     figure, (ax,) = plots.new_figure()
     (own,) = ax.plot([0.0, 1.0])

@@ -184,6 +184,7 @@ def chafee_infante(n: int) -> cb.Problem:
 EVENTS = [cb.branch_point(), cb.hopf()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", [1, 2])
 def test_both_arms_of_a_pitchfork_of_profiles_are_seen(mode: int) -> None:
     """Mirror images have one norm; that of two waves has two extrema of one size."""
@@ -228,6 +229,7 @@ def test_a_line_is_broken_where_the_largest_entry_changes_its_sign_in_a_jump() -
 # --- stability ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_where_stability_was_not_computed_a_line_is_grey_and_the_legend_says_so() -> None:
     from matplotlib.colors import to_rgb
 
@@ -318,6 +320,7 @@ def test_a_run_known_once_a_period_is_shown_by_its_last_periods_with_both_signs(
     np.testing.assert_array_equal(np.reshape(some, (-1, 2)), u[:, [0, 5]])
 
 
+@pytest.mark.slow
 def test_a_run_under_noise_is_known_once_a_period_and_says_so(state) -> None:
     """Nobody can simulate it again from its states."""
     for t0, phase in ((0.0, "0"), (4 * math.pi + 1.5, "1.5")):

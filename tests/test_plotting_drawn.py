@@ -78,6 +78,7 @@ def test_nothing_is_drawn_beyond_limits_that_were_set_later(draw, diagram, in_a)
     assert np.array_equal(seen, outside())
 
 
+@pytest.mark.slow
 def test_words_and_legends_are_seen_in_a_dark_style(in_a: Branch, diagram: Zones) -> None:
     from matplotlib import pyplot
 
@@ -261,6 +262,7 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
         plots.plot_motion(run.since(1))
 
 
+@pytest.mark.slow
 def test_a_window_of_a_motion_is_what_was_asked_for_and_recorded(run) -> None:
     ax = plots.plot_motion(run, periods=(3.0, 5.0)).axes
     assert ax.get_xlim() == pytest.approx((3.0, 5.0))

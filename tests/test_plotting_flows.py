@@ -68,6 +68,7 @@ def test_equilibria_are_dashed_beyond_their_hopf_point(rest) -> None:
     assert dashed_from_zero(plots.plot(rest).axes)
 
 
+@pytest.mark.slow
 def test_equations_of_a_flow_count_unstable_eigenvalues_and_are_dashed_by_them(tmp_path) -> None:
     """The column is in tables and files, and what is drawn goes by it, also out of a file."""
     mine = cb.Problem(lambda x, p: np.array(field(0.0, x, p)), {"x": 0.0, "y": 0.0}, {"mu": -0.5})

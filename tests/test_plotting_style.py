@@ -180,6 +180,7 @@ def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram
         assert len(words) == len(kinds)
 
 
+@pytest.mark.slow
 def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
     _, axes = plots.new_figure(2)
     found = plots.plot_zones([diagram, diagram], axes)
@@ -222,6 +223,7 @@ def test_labels_of_multipliers_have_as_many_decimals_as_asked(diagram) -> None:
         plots.plot_multipliers(0.5)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_letters_of_regions_fit_into_them_and_there_is_none_where_none_does(diagram) -> None:
     ax = plots.plot_zones(diagram).axes
     ax.figure.draw_without_rendering()

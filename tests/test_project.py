@@ -81,6 +81,7 @@ def third_party(tree: ast.Module) -> set[str]:
 CALLED = {"python-flint": "flint"}  # packages that are imported by another name
 
 
+@pytest.mark.slow
 def test_every_package_that_is_imported_is_declared() -> None:
     project = PROJECT["project"]
     extras = (project["optional-dependencies"][name] for name in ("certified", "explorer"))

@@ -87,6 +87,7 @@ def test_results_do_not_go_where_a_file_is(study: Path, tmp_path: Path) -> None:
         conduct(study, folder=tmp_path / "taken", executor=1)
 
 
+@pytest.mark.slow
 def test_what_is_finished_is_not_computed_again(study: Path, done: Report) -> None:
     times = {path: path.stat().st_mtime_ns for path in done.folder.rglob("*.nc")}
     again = conduct(study, executor=1)
@@ -94,6 +95,7 @@ def test_what_is_finished_is_not_computed_again(study: Path, done: Report) -> No
     assert {path: path.stat().st_mtime_ns for path in times} == times
 
 
+@pytest.mark.slow
 def test_a_part_that_is_lost_is_computed_again_to_the_last_digit(study: Path, done: Report) -> None:
     path = done.folder / "pitchforks" / "gamma=0.04.nc"
     before = cb.load(path)
@@ -125,6 +127,7 @@ def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) 
     assert report.kept == done.computed
 
 
+@pytest.mark.slow
 def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
     text = '[figure.other]\ndraws = ["symmetric"]\ny = "p2"\n\n[figure.tree]'
     path = done.folder.parent / "figures.toml"
@@ -251,6 +254,7 @@ def test_one_member_of_a_scan_is_a_start_and_what_comes_of_it_stays(parts, condu
     assert [task.name for task in asked.left] == ["line/gamma=0.02"]
 
 
+@pytest.mark.slow
 def test_each_part_that_ends_is_a_line_where_there_is_no_terminal(conducted, parts, run):
     _, lines = conducted
     assert [line.partition(",")[0] for line in lines] == [f"{i} of 5" for i in range(1, 6)]

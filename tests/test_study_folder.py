@@ -79,6 +79,7 @@ def test_links_lead_nowhere(link: str, there: bool, again: bool, tmp_path: Path)
         assert outside.read_bytes() == PRECIOUS
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["f.png", "b.nc"])
 def test_files_of_others_are_replaced_only_on_demand(name: str, tmp_path: Path) -> None:
     """Of somebody who keeps his pictures in a folder that has the name of the study."""
@@ -95,6 +96,7 @@ def test_files_of_others_are_replaced_only_on_demand(name: str, tmp_path: Path) 
     assert conduct(path, executor=1).kept == ["b"]
 
 
+@pytest.mark.slow
 def test_a_figure_that_was_touched_up_since_is_left_as_it_is(tmp_path: Path) -> None:
     path = study(tmp_path)
     (drawn,) = conduct(path, executor=1).written

@@ -50,6 +50,7 @@ def refuses_odd(number: int) -> int:
     return number
 
 
+@pytest.mark.slow
 def test_results_come_in_order_from_processes_with_one_thread(tmp_path: Path) -> None:
     found = list(each(number_of_threads, [(i, tmp_path) for i in range(40)], executor=2))
     assert [number for number, _, _ in found] == list(range(40))
@@ -171,6 +172,7 @@ if __name__ == "__main__":
 """
 
 
+@pytest.mark.slow
 def test_ctrl_c_ends_workers_in_the_middle_and_keeps_what_is_done(tmp_path: Path) -> None:
     script = tmp_path / "script.py"
     script.write_text(SCRIPT.format(folder=str(tmp_path)))

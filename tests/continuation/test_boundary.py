@@ -73,6 +73,7 @@ def test_recorded_numbers_and_solutions_are_those_of_the_original_problem(
     assert line[3].solution == {name: line[3][name] for name in ("x", "b1", "b2")}
 
 
+@pytest.mark.slow
 def test_third_parameters_keep_their_value_and_can_be_moved() -> None:
     def residual(u, p):
         return np.array([p["h"] + p["mu"] * u[0] - p["c"] * u[0] ** 3])
@@ -135,6 +136,7 @@ def test_a_meeting_located_by_both_loci_is_sharp(cusp) -> None:
 # --- size and derivatives ---------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("derivative", "rows", "unit"),
     [
@@ -184,6 +186,7 @@ def test_a_locus_that_does_not_fit_is_refused(conditions, derivative, sentence) 
 # --- what cannot be traced --------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
     """Contours of x, and of x^2 as recorded, on h + mu x - x^3 = 0: straight lines."""
     square = replace(zoo.CUSP.problem, record={"square": lambda point: point["x"] ** 2})

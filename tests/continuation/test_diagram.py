@@ -256,6 +256,7 @@ def test_two_kinds_of_points_at_one_place_are_both_switched_at() -> None:
     assert sorted(birth.place.point.kind for birth in tree.births[1:]) == ["BP", "BP", "PD"]
 
 
+@pytest.mark.slow
 def test_a_crossing_where_an_arm_of_another_kind_fails_is_followed() -> None:
     """Hosts and parasitoids at r = 2, where without parasitoids a multiplier is -1 everywhere."""
 

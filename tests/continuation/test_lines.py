@@ -94,6 +94,7 @@ def test_without_hopf_among_the_events_a_fold_curve_knows_no_flow() -> None:
     assert lines.kinds(line.from_(line.first)) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("line", "shuffle"),
     [
@@ -125,6 +126,7 @@ def transcritical_takens(u: Array, p: lines.Params) -> list[Any]:
     return [y, p["b1"] * x + p["b2"] * y - x**2 - x * y]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("field", "events", "pair"),
     [
@@ -180,6 +182,7 @@ def test_neimark_sacker_curve_of_henon_ends_at_both_double_multipliers() -> None
     assert curve["angle"].max() <= math.pi + 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("p2", "largest"), [(0.1, 0.02), (0.2, 0.1), (0.1, 1.0)])
 def test_doublings_that_cross_have_one_label_that_names_both(p2: float, largest: float) -> None:
     line = replace(lines.DOUBLED_PREY, problem=eaten(p2))
@@ -314,6 +317,7 @@ def test_all_points_on_the_closed_fold_curve_of_bazykin() -> None:
         assert defining(point) == pytest.approx((0.0, 0.0), abs=1e-9), point
 
 
+@pytest.mark.slow
 def test_generalised_hopf_of_bazykin_on_the_curve_that_starts_at_takens_bogdanov() -> None:
     """There the criticality changes."""
     far = max((p for p in bazykin_folds().special if p.kind == "BT"), key=lambda p: p["x"])
@@ -343,6 +347,7 @@ def test_a_coefficient_is_told_from_a_parameter_of_its_name() -> None:
         point["c of BT"]
 
 
+@pytest.mark.slow
 def test_a_hopf_curve_on_which_a_real_eigenvalue_passes_zero_has_no_gh_there() -> None:
     """Beside ``w' = (a + i) w - |w|^2 w``, whose l1 is the same for all b: ``z' = b z - z^3``."""
 

@@ -207,6 +207,7 @@ def test_where_an_arm_turns_at_a_pitchfork_there_is_a_branch_point_and_no_fold()
     assert [point.kind for point in alone.doubtful] == ["LP"]
 
 
+@pytest.mark.slow
 def test_a_step_that_would_end_on_a_branch_point_is_shortened() -> None:
     """The first three steps back from a doubled orbit end where it sets out from: MX and a false LP
     were there, 1e-6 short of it."""
@@ -289,6 +290,7 @@ def test_a_branch_point_outside_a_bracket_is_not_the_zero_inside() -> None:
 # --- jumps ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("steps", [Steps(), LONG])
 def test_every_jump_of_a_count_is_found(steps: Steps) -> None:
     count = Event("IN", lambda point: math.floor(20 * point["mu"] + 0.5))

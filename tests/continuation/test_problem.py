@@ -172,6 +172,7 @@ def test_a_small_error_is_found_and_rounding_is_forgiven() -> None:
             trace(off(factor), "mu")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", [CUSP, ISOLA, LORENZ, STIFF], ids=lambda case: case.name)
 def test_differences_and_complex_steps_walk_the_same_curve(case: Case) -> None:
     def real(u, p):

@@ -118,6 +118,7 @@ def test_which_of_two_branches_is_followed_from_where_they_cross(towards: str) -
     assert len(set(np.sign(ways))) == 1
 
 
+@pytest.mark.slow
 def test_in_which_order_branches_leave_a_branch_point() -> None:
     orders = set()
     for seed in SEEDS:
@@ -245,6 +246,7 @@ def test_corrections_that_repeat_themselves_divide_by_nothing() -> None:
         assert solved.residual <= np.spacing(1e8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1e6, 1e9, 1e12])
 def test_a_large_parameter_without_scales_makes_no_points_that_are_no_solutions(
     size: float,

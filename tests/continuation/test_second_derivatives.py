@@ -43,6 +43,7 @@ def iterates(x: mpmath.mpf, r: mpmath.mpf, h: mpmath.mpf) -> tuple[mpmath.mpf, m
     return x, slope
 
 
+@pytest.mark.slow
 def test_the_folds_of_five_iterates_of_the_logistic_map_are_followed() -> None:
     cycle = cb.FixedPoint(
         lambda x, p: p["r"] * x * (1 - x) + p["h"], {"x": 0.5}, {"r": 3.738914, "h": 0.0}, period=5
@@ -61,6 +62,7 @@ def test_the_folds_of_five_iterates_of_the_logistic_map_are_followed() -> None:
         assert abs(point["r"] - float(r)) < 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shift", [0.0, 1000.0])
 def test_a_curve_of_hopf_points_in_shifted_unknowns(shift: float) -> None:
     """A Brusselator whose nonlinear term is ``exp``: x' = A - (B + 1) x + E y, y' = B x - E y, with

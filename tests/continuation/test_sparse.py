@@ -110,6 +110,7 @@ def test_pairs_that_turn_real_beyond_their_hopf_points_leave_no_doubt(road) -> N
     assert (len(found), branch.doubtful) == (8, ())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("road", ["dense", "sparse"])
 def test_branches_leave_the_trivial_state_where_the_discrete_symbol_vanishes(road) -> None:
     n, length, most = 60, 8 * np.pi, 0.2
@@ -133,6 +134,7 @@ def test_branches_that_leave_a_large_problem_are_those_of_the_dense_road() -> No
         np.testing.assert_allclose(other["u"], dense["u"], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_two_branch_points_within_one_step_are_both_found() -> None:
     n, length = 60, 8 * np.pi
     problem = swift_hohenberg(n, length)
@@ -265,6 +267,7 @@ def test_a_curve_of_hopf_points_is_the_one_in_closed_form() -> None:
     assert np.ptp(line["B"]) > 0.1
 
 
+@pytest.mark.slow
 def test_branch_points_that_a_subspace_keeps_are_followed() -> None:
     problem, steps = swift_hohenberg(40, 6 * np.pi), cb.Steps(most=4)
     branch = cb.trace(problem, "mu", within={"mu": (-0.1, 0.1)}, events=[cb.branch_point()])

@@ -102,6 +102,7 @@ def branch(problem: Problem) -> Branch:
 KEPT = (zoo.ARMS, zoo.BRATU, zoo.CUSP, zoo.ISOLA, zoo.LORENZ, zoo.STIFF)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", KEPT, ids=lambda case: case.name)
 def test_every_bit_comes_back(case: zoo.Case, path: Path) -> None:
     branch = case.branch
@@ -511,6 +512,7 @@ def test_kind_of_several_words_comes_back(path: Path) -> None:
 # --- damage -----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_every_damaged_file_is_one_sentence_before_hdf5_sees_it(path, monkeypatch):
     """A byte of HDF5's own that is wrong may hang it, one of a number may change it in silence."""
     save(path, line())
@@ -541,6 +543,7 @@ def test_what_is_no_file_of_branches_is_refused(content: bytes, path: Path) -> N
         load(path)
 
 
+@pytest.mark.slow
 def test_hdf5_and_netcdf_of_others_are_refused(path: Path) -> None:
     with h5py.File(path, "w") as file:
         file["x"] = np.arange(10.0)
@@ -637,6 +640,7 @@ print(len(kept))
 """
 
 
+@pytest.mark.slow
 def test_a_read_that_fails_keeps_no_other_thread_from_reading(path: Path) -> None:
     """h5py keeps its lock, one for all threads, until a group's items have been gone through."""
     places = [path, *(path.with_name(f"{name}.nc") for name in ("attributes", "group"))]

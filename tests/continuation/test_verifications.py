@@ -164,6 +164,7 @@ def test_a_degenerate_takens_bogdanov_point_is_said_to_be() -> None:
     assert words.startswith("degenerate: a = 1, b = ")
 
 
+@pytest.mark.slow
 def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
     """``h + mu x + x^5``: the quadratic coefficient changes sign, the cubic one is zero there."""
     mine = lines.flow(lambda u, p: p["h"] + p["mu"] * u + u**5, {"x": 0.9}, mu=-1.0, h=0.3)
@@ -177,6 +178,7 @@ def test_a_fold_that_is_flat_to_fourth_order_is_no_cusp() -> None:
     assert "the cubic coefficient vanishes as well" in reason(cusp, flat)
 
 
+@pytest.mark.slow
 def test_parameters_of_a_cusp_are_measured_in_their_scales() -> None:
     """As fluxes of a catalytic reaction, of 1e-5 beside coverages of order one."""
     surface = cb.Problem(

@@ -351,6 +351,7 @@ def test_a_circle_closes_from_anywhere_with_each_event_once(angle: float, scale:
             assert tests.count(id(event)) == (1 if abs(folded) < 1e-12 else 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pitch", [1e-1, 1e-3, 1e-5])
 def test_a_spiral_is_not_taken_for_a_closed_curve(pitch: float) -> None:
     def residual(u, p):  # the angle is an unknown: neighbouring turns are far apart in it
@@ -400,6 +401,7 @@ def test_curvature_shortens_the_steps() -> None:
     assert len(branch) < 150
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [1e-1, 1e-2, 1e-4])
 @pytest.mark.parametrize("largest", [0.1, 1.0])
 def test_a_walk_does_not_jump_to_a_parallel_curve(distance: float, largest: float) -> None:

@@ -146,6 +146,7 @@ def test_a_point_of_a_hopf_curve_of_lorenz_costs_no_more_than_so_many_calls(anal
     assert abs(r - s * (s + 3 + 8 / 3) / (s - 1 - 8 / 3)).max() < 1e-8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("analytic", "most"), [(True, 400), (False, 1600)])
 def test_a_point_of_a_doubling_of_a_map_costs_no_more_than_so_many_calls(analytic: bool, most: int):
     """2576 real calls a point once."""

@@ -107,6 +107,7 @@ def test_special_points_say_where_they_were_seen_and_how_well_they_are_known(cas
 # --- what each animal is in the zoo for -------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_imperfection_is_followed_however_small_and_never_jumped() -> None:
     for h in (1e-3, 1e-6, 1e-9):
         above, below = zoo.imperfect(h)

@@ -172,6 +172,7 @@ def test_a_story_with_the_buttons(page: Page) -> None:
     assert page.explorer.message.startswith("3 periods on the ring of 400")
 
 
+@pytest.mark.slow
 def test_a_click_beside_a_branch_takes_its_nearest_point(page: Page) -> None:
     press(page, "Show")
     press(page, "Continue")
@@ -496,6 +497,7 @@ def agree(page: Page) -> None:
         assert all(menu.value in state.curves[code].names for code in ticked)
 
 
+@pytest.mark.slow
 def test_menus_ticks_and_picture_agree_whatever_is_clicked(page: Page) -> None:
     typed(page, a="0.7", gamma="0.04")
     press(page, "Continue")
@@ -533,6 +535,7 @@ def test_a_fork_is_drawn_by_a_size_first_and_by_what_all_its_curves_have() -> No
         assert {"a", "p", "unstable"} <= {*page.y.options} <= shared
 
 
+@pytest.mark.slow
 def test_breathers_of_oscillators_are_drawn_by_their_size_not_a_fixed_parameter() -> None:
     chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(3))
     b = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05})

@@ -183,6 +183,7 @@ def test_an_error_of_the_numerics_is_a_sentence_and_the_next_work_goes_on() -> N
     do(explorer, jobs.traced(explorer.chosen, "a", (0.4, 0.6)))
 
 
+@pytest.mark.slow
 def test_a_diagram_that_is_known_comes_back_at_once() -> None:
     explorer = Explorer(k=0.7)
     explorer.look_at(0.7)
@@ -271,6 +272,7 @@ def test_a_chosen_point_brings_its_drive_along(monkeypatch: pytest.MonkeyPatch, 
     assert explorer.wait(HUNG)
 
 
+@pytest.mark.slow
 def test_zones_of_a_large_coupling_are_there_at_a_large_frequency() -> None:
     explorer = Explorer()
     explorer.look_at(0.2, fixed="gamma")

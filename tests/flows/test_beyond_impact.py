@@ -216,6 +216,7 @@ def test_a_motion_that_never_leaves_a_surface_is_refused() -> None:
         cb.cycle(held, {"x": 1.3, "v": 0.0}, {}, period=TAU, settle=25)
 
 
+@pytest.mark.slow
 def test_an_orbit_between_two_walls_meets_one_after_the_other() -> None:
     walls = HIT, OTHER
     within = {"w": (2.0, 2.6)}
@@ -236,6 +237,7 @@ def test_a_field_that_is_written_anew_leads_on() -> None:
     assert max(misses(orbit) for orbit in hard(hits)[::4]) < 1e-9
 
 
+@pytest.mark.slow
 def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None:
     within = {"s": (0.05, 0.3)}
 
@@ -259,6 +261,7 @@ def test_what_is_beyond_is_refused_where_it_is_no_orbit_of_these_flows() -> None
             cb.Flow(field, walls=[flows])
 
 
+@pytest.mark.slow
 def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
     """Van der Pol's cycle has a wall moved into it. In a plane what an impact takes off the
     velocity is a later time: the orbit goes on as one that hits, and back."""

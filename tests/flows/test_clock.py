@@ -14,6 +14,8 @@ from contbreather.errors import BadInput
 
 from .zoo import CASES
 
+pytestmark = pytest.mark.slow
+
 PERIOD, TURN = 0.5, 2 * np.pi
 ON = cb.Flow(lambda t, x, p: [1.0 + 0 * x[0]], until=lambda t, x, p: 1 - x[0])
 OFF = cb.Flow(lambda t, x, p: [-p["b"] * x[0] ** 3], at=0)
@@ -94,7 +96,6 @@ def test_a_map_at_each_stroke_has_its_double_multiplier() -> None:
     assert not line.doubtful
 
 
-@pytest.mark.slow
 def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> None:
     """With i from 1/2 to 1 and back, each in one period: b = 3, met from both sides."""
     flip = cb.trace(converter(1.2), "b", within={"b": (1, 5)}).first("PD")
@@ -110,7 +111,6 @@ def test_a_stroke_is_skipped_where_the_current_is_up_as_the_clock_strikes() -> N
         cb.switch(above[0])
 
 
-@pytest.mark.slow
 def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -> None:
     """A current that rises for d, falls at the rate c and rests at 0 until 1, for 1 - d - d/c; the
     curve ends where it rises up to 0.7."""
@@ -127,7 +127,6 @@ def test_a_flow_that_ends_as_it_begins_is_met_and_followed_in_two_parameters() -
     assert [curve[0]["c"], curve[-1]["c"]] == pytest.approx([0.5, 7 / 3], abs=1e-9)
 
 
-@pytest.mark.slow
 def test_beyond_a_border_collision_a_current_does_not_rest_or_does() -> None:
     """A smoothed voltage and a current that falls to 0 as the clock strikes: both ways lead on."""
 
@@ -164,7 +163,6 @@ def test_beyond_a_flow_that_a_reset_begins_is_not_known() -> None:
     assert arm[-1]["max(i)"] == pytest.approx(np.tanh(0.25), abs=1e-9)
 
 
-@pytest.mark.slow
 def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
     """Two kicks a turn, of the circle map: its folds are the extreme speeds over the angle."""
 
@@ -195,7 +193,6 @@ def test_a_tongue_of_a_kicked_rotor_is_walked_round_once() -> None:
     assert folds == pytest.approx([extreme(1), extreme(-1)], abs=1e-9)
 
 
-@pytest.mark.slow
 def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> None:
     """A current that rises to a ramp: its slope is -1 where fall and rise are as fast against that,
     and c is 0 all along but for what differences leave, as a remainder is not analytic."""
@@ -210,7 +207,6 @@ def test_a_map_of_straight_pieces_has_no_degenerate_doubling_of_its_own() -> Non
     assert {point.kind for point in line.special} == {"EP"}
 
 
-@pytest.mark.slow
 def test_a_spike_that_is_forgotten_until_the_clock_strikes_has_no_fold_that_is_nan_off() -> None:
     fires = cb.Flow(lambda t, x, p: [p["I"] - x[0] + p["A"] * np.cos(2 * np.pi * t)],
                     until=lambda t, x, p: 1 - x[0], reset=lambda t, x, p: [0 * x[0]])  # fmt: skip

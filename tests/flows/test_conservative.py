@@ -118,6 +118,7 @@ def test_a_family_that_cannot_be_walked_in_its_unit_is_given_no_advice_that_is_r
     assert "lambda" not in branch.reason
 
 
+@pytest.mark.slow
 def test_the_pendulum_is_that_of_elliptic_functions_up_to_its_separatrix() -> None:
     """T = 4 K(sin^2(A / 2)), E = 1 - cos A."""
     swing = cb.cycle(
@@ -138,6 +139,7 @@ def test_a_period_that_no_orbit_nearby_has_is_refused() -> None:
 # --- several quantities -------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_straight_orbit_of_an_isotropic_oscillator_is_isolated_among_its_rotations() -> None:
     def f(t, x, p):
         square = 1 + p["b"] * (x[0] ** 2 + x[1] ** 2)
@@ -219,6 +221,7 @@ def test_multipliers_are_pairs_and_two_are_1(axis: cb.Branch) -> None:
         assert orbit.unstable == (abs(index) > 1)
 
 
+@pytest.mark.slow
 def test_the_axis_of_henon_heiles_bifurcates_where_hills_equation_says(axis: cb.Branch) -> None:
     """And where M. Brack says (Found. Phys. 31, 209, 2001): 6 E = 0.969309, 0.986709, 0.999188."""
     kinds = [point.kind for point in axis.special]
@@ -234,6 +237,7 @@ def test_the_axis_of_henon_heiles_bifurcates_where_hills_equation_says(axis: cb.
     np.testing.assert_allclose(crossings, [0.969309, 0.986709, 0.999188], atol=6e-7)
 
 
+@pytest.mark.slow
 def test_other_families_leave_at_pd_and_at_bp(axis: cb.Branch, loops: list[cb.Branch]) -> None:
     (double,) = cb.switch(axis.first("PD"), within={"energy": (0.1, 0.15)}, events=())
     assert double[0]["period"] == pytest.approx(2 * axis.first("PD")["period"], abs=1e-8)
@@ -388,6 +392,7 @@ def test_several_doublings_within_a_step_are_all_found() -> None:
     np.testing.assert_allclose(np.ptp(places * np.sqrt(d[::-1]), axis=1), 0.0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sign", "e"), [(-1.0, 0.1), (1.0, 0.0)])
 def test_pairs_of_equal_signature_and_those_that_do_not_hang_together_pass(sign, e) -> None:
     branch = cb.trace(modes(sign, e=e, w=1.65), "w", within={"w": (1.65, 1.75)})
@@ -466,6 +471,7 @@ def test_the_gradient_of_an_unfolding_is_not_differentiated_in_states() -> None:
     assert 0 < asked["W"] < 8 * asked["force"]
 
 
+@pytest.mark.slow
 def test_halo_orbits_of_three_bodies_are_those_of_howell() -> None:
     """K. C. Howell, Celestial Mechanics 32, 53 (1984), at mu = 0.04: x, z, dy/dt and half a period
     of the first and of the third in her table, in which the last digit is rounded."""
@@ -562,6 +568,7 @@ def test_a_parameter_that_damps_is_not_traced() -> None:
         cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0, "lambda": 1.0}, conserves=of_duffing)
 
 
+@pytest.mark.slow
 def test_a_family_that_grows_into_where_nothing_is_conserved_says_so() -> None:
     """From u = 1.2 on a friction sets in: the equations go on, as lambda feeds in what it takes."""
 
@@ -653,6 +660,7 @@ def test_a_pair_that_touches_minus_one_with_two_eigenvectors_is_no_period_doubli
     assert [at.kind for at in branch.special] == ["EP", "EP"]
 
 
+@pytest.mark.slow
 def test_multipliers_may_be_larger_than_rounding_is_small() -> None:
     """Beside x'' = -x^3 another state runs away as exp(k t): its multiplier is 5e38 in the end."""
 
@@ -772,6 +780,7 @@ def test_rotations_are_a_family_and_their_period_doubles() -> None:
     assert arm[-1]["max(y)"] > 0.1
 
 
+@pytest.mark.slow
 def test_a_family_in_the_energy_is_loaded_with_the_cycle_it_was_traced_from(tmp_path) -> None:
     swing = cb.cycle(duffing, {"u": 1.0, "v": 0.0}, {"b": 1.0}, conserves=of_duffing)
     branch = cb.trace(swing, "energy", within={"energy": (0.5, 2)})
@@ -783,6 +792,7 @@ def test_a_family_in_the_energy_is_loaded_with_the_cycle_it_was_traced_from(tmp_
     assert {round(point["energy"], 9) for point in further.special} == {0.5, 3.0}
 
 
+@pytest.mark.slow
 def test_a_curve_in_the_energy_is_loaded_with_the_cycle_its_family_began_from(tmp_path) -> None:
     """The energy is an unknown of it, not a parameter."""
 

@@ -72,6 +72,7 @@ def test_multipliers_are_those_of_an_independent_integration(relaxation: Cycle) 
         assert orbit.multipliers == pytest.approx(wanted, abs=1e-7 * abs(wanted[0]))
 
 
+@pytest.mark.slow
 def test_a_strongly_stable_multiplier_keeps_its_digits() -> None:
     """Liouville: the product of all multipliers is the exponential of the mean divergence."""
     branch = cb.trace(
@@ -201,6 +202,7 @@ def test_a_field_that_has_no_value_on_the_way_is_refused_with_a_sentence() -> No
         cb.cycle(f, {"x": 2.0, "v": 0.0}, {}, settle=20)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("c", "settle", "period"),
     [(2.7, 100, 5.761896857), (2.9, 300, 11.53508612)], ids=["before", "beyond"],
@@ -447,6 +449,7 @@ def test_the_curve_of_a_touch_goes_round_with_the_forcing() -> None:
     assert line["F"] == pytest.approx(np.hypot(1 - line["w"] ** 2, 0.2 * line["w"]), abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_curve_of_a_touch_ends_where_its_flow_does() -> None:
     """x = t up to 1, and the wall (x - c)^2 + h: no touch is beyond 0 < c < 1."""
     ramp = cb.Flow(
@@ -518,6 +521,7 @@ def test_the_curve_of_a_touch_ends_where_that_comes_to_the_beginning_of_its_flow
     assert min(paces) > 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "limit"),  # y' = a - y from b on for a time of 1
     [("a", 1 / (1 - math.exp(-1))), ("b", 1.0)],
@@ -573,6 +577,7 @@ def test_a_second_wall_that_is_touched_between_impacts_is_followed_in_two_parame
         assert place["b"] == pytest.approx(-place.base_point.solution.min["x"], abs=1e-10)
 
 
+@pytest.mark.slow
 def test_a_wall_that_was_just_hit_is_not_touched_however_often_it_is_written_down() -> None:
     def hit(sign: int) -> cb.Flow:
         return cb.Flow(
@@ -661,6 +666,7 @@ def test_a_flow_of_one_state_may_end_on_its_section_wherever_the_cycle_begins(fl
         assert abs(orbit.multipliers[1:]).max(initial=0.0) < 1e-12
 
 
+@pytest.mark.slow
 def test_an_orbit_that_passes_from_one_state_to_one_state_is_followed_from_each_of_its_flows():
     """Thrown up at 1 it comes back after 2, leaks from e to g, and is filled up to 1."""
     thrown = cb.Flow(
@@ -1162,6 +1168,7 @@ def test_a_part_of_a_symmetric_orbit_shrinks_to_its_hopf_point(parts: int, passe
     assert not branch.doubtful
 
 
+@pytest.mark.slow
 def test_hopf_asked_for_along_cycles_is_where_they_shrink_to_rest() -> None:
     """It was refused, "no HB of this problem (cycle, LP, BP, PD, NS, HB, HOM)"."""
 

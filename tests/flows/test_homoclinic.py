@@ -226,6 +226,7 @@ def test_a_mesh_that_is_too_coarse_is_made_finer_and_no_false_event_is_seen(butt
     assert set(butterfly["unstable"][1:]) == {1}
 
 
+@pytest.mark.slow
 def test_no_fold_is_seen_where_the_period_grows_without_one() -> None:
     """To a saddle-focus of negative saddle quantity it grows monotonously (Shilnikov). Beyond 37
     the parameter is as close to its limit as this mesh is exact: there it would fold."""

@@ -210,6 +210,7 @@ def test_a_block_that_topples_is_refused_as_what_grows_without_bound() -> None:
         cb.integrate(topples, {"tilt": 0.0, "v": 2.0}, {}, events=30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times", [0.7, 3.0, 5.0])
 def test_a_wall_that_is_zero_where_a_condition_is_does_not_end_a_run(times: float) -> None:
     """Rounding decides which of both is zero first."""

@@ -107,6 +107,7 @@ def test_a_torus_around_a_cycle_has_the_lyapunov_coefficient_of_the_hopf_point_i
     assert torus["d"].real == pytest.approx(hopf["l1"] * hopf["omega"] * TAU / 3.5, rel=1e-7)
 
 
+@pytest.mark.slow
 def test_a_hybrid_flow_has_the_coefficients_of_its_return_map() -> None:
     """The logistic map doubles at r = 3, with c = f''^2/4 + f'''/6 = 9."""
     flow = again(lambda x, p: [p["r"] * x[0] * (1 - x[0])], "u")

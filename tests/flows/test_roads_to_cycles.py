@@ -44,6 +44,7 @@ def test_a_rotation_closes_up_to_a_turn_and_has_the_multiplier_of_its_damping() 
     assert mu == pytest.approx(math.exp(-0.3 * period), abs=1e-8)
 
 
+@pytest.mark.slow
 def test_rotations_end_at_the_homoclinic_orbit_that_melnikov_finds() -> None:
     """For weak damping at a torque of 4 d/pi."""
     d = 0.02
@@ -55,6 +56,7 @@ def test_rotations_end_at_the_homoclinic_orbit_that_melnikov_finds() -> None:
     assert "homoclinic to the saddle theta = " in branch.reason  # the same one, a turn later
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("a", "periods", "turns"), [(1.35, 1, 1), (1.45, 2, 2)])
 def test_a_driven_pendulum_goes_over_the_top_so_often(a: float, periods: int, turns: int) -> None:
     """As Baker & Gollub (Chaotic Dynamics) draw it, at w = 2/3 and a damping of 1/2."""
@@ -71,6 +73,7 @@ def test_a_driven_pendulum_goes_over_the_top_so_often(a: float, periods: int, tu
     assert abs(run.y[:, -1] - start) == pytest.approx([turns * TURN, 0.0], abs=1e-8)
 
 
+@pytest.mark.slow
 def test_an_impact_oscillator_is_the_same_with_its_phase_as_an_angle() -> None:
     def field(t: Any, x: Any, p: Any) -> Any:
         return [x[1], 0.5 * np.cos(x[2]) - x[0] - 0.1 * x[1], p["w"] + 0 * x[0]]
@@ -104,6 +107,7 @@ def test_what_is_no_angle_is_refused(wraps: Any, words: str) -> None:
         cb.cycle(pendulum, {"theta": 0.0, "v": 2.0}, params, wraps=wraps)
 
 
+@pytest.mark.slow
 def test_a_cycle_takes_as_many_periods_as_the_run_that_settles() -> None:
     def duffing(t: Any, x: Any, p: Any) -> Any:
         return [x[1], p["a"] * np.cos(1.2 * t) - 0.3 * x[1] + x[0] - x[0] ** 3]
@@ -171,6 +175,7 @@ def test_an_impacting_orbit_that_repels_is_found_from_a_state_of_its_own() -> No
     assert ball.start["phase"] == pytest.approx(phase % (2 * np.pi), abs=1e-10)
 
 
+@pytest.mark.slow
 def test_several_starts_name_each_orbit_once_and_what_has_none() -> None:
     def relaxing(t: Any, x: Any, p: Any) -> Any:
         """A stable cycle of radius 1, an unstable one of 1/2 and a focus."""
@@ -312,6 +317,7 @@ def test_scales_of_an_equilibrium_are_those_of_its_cycles_too() -> None:
     assert cycles.first("LP")["p"] * 1e6 == pytest.approx(88.2932505, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_scales_tell_how_small_a_cycle_is_that_shrinks_to_its_hopf_point() -> None:
     def f(t, x, p):  # r^2 = m (1 - m) around (1, 0), one state in thousands
         a, b = x[0] - 1, x[1] / 1e3
@@ -461,6 +467,7 @@ def test_a_block_that_topples_is_no_cycle() -> None:
     assert 0 < max(cycle_of(rocks).max["x"], -cycle_of(rocks).min["x"]) < 1
 
 
+@pytest.mark.slow
 def test_the_period_of_several_flows_has_a_window() -> None:
     """x' = I - x up to 1, for log(I/(I - 1)), and x' = -2 - x back to 0, for log(3/2)."""
     rises = cb.Flow(lambda t, x, p: [p["I"] - x[0]], until=lambda t, x, p: 1 - x[0])
@@ -522,6 +529,7 @@ def test_half_a_period_of_samples_is_refused_as_that_not_as_an_equilibrium() -> 
         assert "family" not in str(refused.value)
 
 
+@pytest.mark.slow
 def test_the_first_cycle_beside_a_hopf_point_is_small_however_far_states_are_from_zero() -> None:
     """As temperatures in kelvin. R = r^2 has u = 20 R^2 - 2 R: a fold at R = 0.05, u = -0.05."""
 

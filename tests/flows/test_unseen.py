@@ -170,6 +170,7 @@ def test_half_of_a_rattle_begins_on_the_other_wall_and_touches_it_as_the_whole_d
     assert halves[-1]["F"] == pytest.approx(wholes[-1]["F"], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_period_that_comes_to_zero_has_a_window_from_zero_on() -> None:
     flows = [cb.Flow(lambda t, x, p: [1.0], until=lambda t, x, p: p["h"] - x[0]),
              cb.Flow(lambda t, x, p: [-1.0], until=lambda t, x, p: p["h"] + x[0])]  # fmt: skip

@@ -23,6 +23,7 @@ def named(case: Case) -> str:
     return case.name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES.values(), ids=CASES)
 def test_special_points_are_where_they_are_known_to_be_and_no_others(case: Case) -> None:
     branch = case.branch
@@ -51,6 +52,7 @@ def test_a_cycle_comes_back_under_another_integrator(case: Case) -> None:
     np.testing.assert_allclose(final, orbit.states(begin), atol=1e-9 * growth)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", RESTS, ids=named)
 def test_small_cycles_leave_every_hopf_point_with_its_period(case: Case) -> None:
     """The period is that of the linear motion but for the square of the amplitude."""

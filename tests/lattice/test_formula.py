@@ -126,6 +126,7 @@ def some(depth: int, pick: random.Random) -> str:
     )
 
 
+@pytest.mark.slow
 def test_what_is_taken_is_what_python_makes_of_it() -> None:
     """300 random formulas."""
     pick, t = random.Random(20), np.array([0.3, 1.1, 2.3, 4.4])

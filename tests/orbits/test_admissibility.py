@@ -88,6 +88,7 @@ def test_every_peak_is_the_top_of_the_motion_and_has_no_velocity(b):
         assert b.phi <= at < b.phi + 2 * math.pi + 1e-14
 
 
+@pytest.mark.slow
 @settings(max_examples=50)
 @given(breathers(lattices=[CHAIN, Ring(3), Ring(40), Ring(41)]))
 def test_no_site_however_far_climbs_higher_than_the_verdict_says(b):
@@ -157,6 +158,7 @@ def test_upper_limit_of_the_theory_notes():
 # ------------------------------------------------------------------------------------- centre
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(breathers())
 def test_centre_margin_is_positive_exactly_where_site_0_stays_between_its_walls(b):

@@ -77,6 +77,7 @@ def shot_arm(gamma, k, sites=20):
     return trace(start, "a", towards="up", within={"a": (0.5, 1.2)})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sites", [None, 20])
 def test_doubling_and_grazing_meet_in_the_same_point_from_both_sides(sites):
     """At k = 0.95 PD comes before grazing for gamma < 0.0130085, where both meet."""
@@ -206,6 +207,7 @@ def test_pitchfork_line_of_the_arms_is_that_of_symmetric_breathers():
     assert line.first("PF-GR")["gamma"] == pytest.approx(0.071775, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shot", [False, True])
 def test_grazing_line_ends_where_pitchfork_and_grazing_of_the_symmetric_breather_meet(shot):
     """Beyond it only the traced crest would touch its wall and the other one be inside it."""
@@ -334,6 +336,7 @@ def subcritical_arm():
     return switch(branch.first("PF"), within={"a": (0.3, 0.9)})[0]
 
 
+@pytest.mark.slow
 def test_fold_line_of_a_subcritical_arm():
     """Harmonics that make the pitchfork subcritical: the arm turns back at a fold, on its line up
     to where the neighbour grazes and down to single oscillators."""
@@ -402,6 +405,7 @@ def test_an_amplitude_at_which_no_breather_is_found_is_refused() -> None:
     assert orbit_at(started_on_arm(chain, 0.3)).asymmetry == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", [0, 1])
 def test_where_an_arm_begins_a_ring_has_a_verdict_too(side) -> None:
     """The matrix is singular there: Newton's iteration would leave a start that is a solution."""

@@ -33,6 +33,7 @@ def near(end: cb.Point) -> dict[str, tuple[float, float]]:
     return {"a": (end["a"] - 0.02, end["a"] + 0.02)}
 
 
+@pytest.mark.slow
 def test_an_impulse_leads_away_from_grazing_as_far_as_it_was_computed_by_hand():
     # both neighbours of a ring of 9 at once, from a solver of the same orbits of its own
     end = grazing("ring")
@@ -69,6 +70,7 @@ GRAZINGS = {  # with how often new impacts come in a section
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GRAZINGS)
 def test_the_limit_of_mu_times_J_is_where_multipliers_lead(name):
     where, times = GRAZINGS[name]
@@ -196,6 +198,7 @@ SOFT = {  # small k: site 0 grazes between its impacts, and what is beyond is st
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOFT)
 def test_a_simulation_begun_beyond_grazing_comes_to_the_orbit_that_was_switched_to(name):
     within = {"a": (0.1, 1.5)}
@@ -237,6 +240,7 @@ def test_beyond_a_nonsmooth_fold_a_simulation_goes_where_its_sentence_says(name)
     assert hits(beyond) >= {*arm[1].solution.section.hit}
 
 
+@pytest.mark.slow
 def test_an_orbit_that_persists_is_unstable_as_its_sentence_says_and_simulations_leave_it():
     within = {"a": (0.4, 1.5)}
     ring = cb.symmetric(0.75, 0.04, 0.8, damping=0.01, lattice=cb.Ring(9))
@@ -318,6 +322,7 @@ def test_what_begins_at_grazing_is_kept_in_files(tmp_path):
     assert kept[0].solution.stability().stable is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("largest", [0.08, 0.1])
 def test_folds_to_both_sides_of_a_branch_point_are_found_in_one_step(largest: float) -> None:
     """Beyond GR of one of two sites alike: 7e-3 off the branch point the orbit turns, twice."""
@@ -331,6 +336,7 @@ def test_folds_to_both_sides_of_a_branch_point_are_found_in_one_step(largest: fl
     assert abs(first - second) < 1e-12  # images of each other
 
 
+@pytest.mark.slow
 def test_two_real_multipliers_that_meet_without_coupling_are_no_pair_that_leaves() -> None:
     """Without coupling both neighbours have one and the same, far outside."""
     breather = cb.symmetric(a=0.8, gamma=0.02, k=0.8)

@@ -80,6 +80,7 @@ FIXED = cb.symmetric(0.75, 0.04, 0.8, lattice=cb.OpenChain(5), site=2, spring=0.
 TWO = cb.multibreather([0, 3], a=0.7, gamma=0.02, k=0.8, lattice=cb.Ring(9), damping=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [FIXED, TWO], ids=["springs", "two sites"])
 def test_arms_of_finite_lattices_have_asymmetry_and_all_momenta_and_come_back_to_pf(start) -> None:
     within = {"a": (0.7, 0.85)}

@@ -86,6 +86,7 @@ def test_multipliers_next_to_a_quarter_are_as_many_as_counted(room):
             assert verdict.multipliers.size == verdict.unstable
 
 
+@pytest.mark.slow
 def test_random_parameters_up_to_the_rims_get_an_answer_or_a_sentence():
     rng = np.random.default_rng(2)
     for _ in range(80):

@@ -274,6 +274,7 @@ def test_offsets_of_several_sites_and_coefficients_have_names_of_their_own() -> 
 # --- multibreathers, one wall, no end -------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_multibreathers_grow_out_of_their_odd_harmonics() -> None:
     drive, lattice = Fourier(cos={0: 0.02, 1: -1.0, 2: 0.1}, sin={2: 0.05}), cb.OpenChain(5)
     on = {**ON, "lattice": lattice, "damping": 0.01, "spring": 0.2, "forcing": drive}

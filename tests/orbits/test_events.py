@@ -261,6 +261,7 @@ def test_grazing_is_followed_up_to_the_rim_of_the_coupling() -> None:
     assert line[-1].solution.admissibility().max_neighbour == pytest.approx(1.0, abs=1e-10)
 
 
+@pytest.mark.slow
 def test_the_line_of_the_papers_rule_ends_where_another_wave_comes_first() -> None:
     """On the traced arc the largest complex multiplier over 2 pi has the modulus of the threshold;
     at its ends two pairs have."""

@@ -404,6 +404,7 @@ def test_a_catalogue_of_multibreathers_at_a_frequency_is_that_of_the_scaled_prob
         assert entry.orbit.times == pytest.approx(scaled.orbit.times, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_zones_in_the_frequency_and_the_coupling_have_the_closed_forms():
     zones = cb.zones(k=0.8, a=0.5, within={"omega": (0.5, 3), "gamma": (0, 1.5)})
     assert (zones.pair, zones.held) == (("omega", "gamma"), {"a": 0.5})
@@ -474,6 +475,7 @@ def test_zones_of_a_coupling_go_up_to_the_band_of_their_frequency_and_lattice():
     assert fold["a"] == pytest.approx(q / math.hypot(chi, q))
 
 
+@pytest.mark.slow
 def test_commands_look_at_couplings_up_to_the_band_of_their_frequency(capsys):
     """At omega = 2 up to four times as large ones as at 1, where a start was outside its window."""
     from contbreather.cli import main

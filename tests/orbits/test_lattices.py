@@ -69,6 +69,7 @@ def test_an_undamped_ring_is_traced_in_damping_and_spring(free: str) -> None:
     assert own[0].solution.p == pytest.approx(RING.p, abs=1e-14)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["PF", "NS", "GR"])
 def test_curves_of_an_undamped_ring_free_damping_and_spring(kind: str) -> None:
     seen = [cb.trace(one, "a", within=WITHIN).first(kind) for one in (RING, MODES)]
@@ -163,6 +164,7 @@ def test_a_curve_of_pairs_from_its_meeting_with_folds_goes_past_it_and_names_it(
     assert sides.min() < 0 < sides.max()
 
 
+@pytest.mark.slow
 def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     """Of a whole period a symmetric orbit has the squares of i and -i, which do not merge."""
     whole = cb.symmetric(0.2, 0.08, 0.75, lattice=cb.Ring(8), damping=0.02).unfolded()
@@ -308,6 +310,7 @@ def test_sites_that_answer_alike_are_exchanged_only_where_the_idle_ones_cannot_t
         assert image.displacement(n, t) == pytest.approx(path.displacement(4 - n, t), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_one_wall_ends_where_the_other_is_touched() -> None:
     start = settled({0: (-1.2, 0.6), 1: (-2, 2), 2: (-2, 2)}, 0.9)
     assert start.section.impacts == ((0, 1),)
@@ -450,6 +453,7 @@ def opposite() -> tuple[Any, Any]:
 SWINGS = {"k": 0.8, "damping": 0.03, "spring": 0.1}
 
 
+@pytest.mark.slow
 def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_period_later(
     opposite,
 ) -> None:
@@ -468,6 +472,7 @@ def test_grazing_is_followed_where_another_site_is_the_mirror_image_half_a_perio
         assert tops[2:] == pytest.approx([1.0, 1.0], abs=1e-7)
 
 
+@pytest.mark.slow
 def test_a_mirror_image_touches_where_walls_are_images_too(opposite) -> None:
     """Each of the two has a low wall only, the second farther in than it swings at the first."""
     both = cb.multibreather(
@@ -586,6 +591,7 @@ def test_a_drive_is_in_resonance_to_rounding_only() -> None:
     assert third.everywhere(0.0, 0)[0] == pytest.approx(1e10, rel=1e-4)
 
 
+@pytest.mark.slow
 def test_the_boundary_of_an_arm_where_it_comes_back_is_one_of_pitchforks(tmp_path) -> None:
     start = cb.symmetric(0.7, 0.02, 0.8, lattice=cb.OpenChain(5), site=2)
     fork = cb.trace(start, "a", within={"a": (0.7, 0.75)}).first("PF")

@@ -41,6 +41,7 @@ def test_a_curve_ends_where_two_impacts_of_one_wall_become_one(twice) -> None:
     assert abs(once.hits[0].acceleration) < 1e-4  # just after it
 
 
+@pytest.mark.slow
 def test_walls_that_are_lifted_do_not_keep_two_impacts_apart() -> None:
     """With the Green's function of a ring: without an end the times would agree to rounding."""
     section = Section(((0, 1), (0, 1), (0, -1)))

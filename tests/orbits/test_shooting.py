@@ -201,6 +201,7 @@ def test_whole_periods_reach_the_limit_without_coupling() -> None:
 # --- the cascade of a single oscillator ---------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_cascade_has_multiplier_minus_one_of_an_independent_map() -> None:
     """At PD of the asymmetric orbit, and of the orbits of period 2, 4 and 8 after it."""
     branch = arm(1, 0.0)
@@ -312,6 +313,7 @@ def together(top: float = 0.45) -> cb.Branch:
     return cb.trace(start, "a", within={"a": (0.05, top)})
 
 
+@pytest.mark.slow
 def test_arms_on_which_impacts_at_once_come_apart_leave_with_a_kink() -> None:
     """Their order is another one on either side, so the amplitude falls like |t1 - t2|: no tangent
     at the branch point tells that. All that is found flies back to itself."""

@@ -98,6 +98,7 @@ def test_neimark_sacker_points_are_ends_of_the_window_and_seen_on_a_ring() -> No
     assert inside.stability().over_reflecting
 
 
+@pytest.mark.slow
 def test_the_spring_is_traced_and_freed_in_boundaries() -> None:
     branch = branch_in_a(0.02, 0.02)
     within = {"spring": (0.01, 0.06)}

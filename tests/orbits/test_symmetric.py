@@ -174,6 +174,7 @@ def signs(forcing, a, gamma, k):
     return reduced, (1 - a * forcing.f(phi[at])) / chi
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(
     st.floats(0.0, 0.24),

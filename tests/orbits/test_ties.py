@@ -52,6 +52,7 @@ def arms(name: str) -> tuple[cb.Branch, ...]:
     return cb.switch(point, within={free: near}, steps=cb.Steps(first=1e-3, largest=0.02))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CASES)
 def test_arms_leave_to_both_sides_each_in_its_own_order(name) -> None:
     both, free, point = arms(name), CASES[name][1], fork(name)
@@ -150,6 +151,7 @@ CAUGHT = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CAUGHT)
 def test_a_branch_that_comes_to_simultaneous_impacts_ends_at_a_located_point(name) -> None:
     choice, given = CAUGHT[name]
@@ -173,6 +175,7 @@ def test_a_branch_that_comes_to_simultaneous_impacts_ends_at_a_located_point(nam
         assert run_once(orbit) < 1e-10
 
 
+@pytest.mark.slow
 def test_beyond_its_end_it_goes_on_by_the_same_impacts_in_another_order() -> None:
     """Of two arms, mirror images, one ends so; the other has no such end, and comes to GR."""
     lattice = cb.Lattice(cb.OpenChain(3).stiffness, masses=[1.0, 1.2, 1.0])
@@ -189,6 +192,7 @@ def test_beyond_its_end_it_goes_on_by_the_same_impacts_in_another_order() -> Non
     assert mu == pytest.approx(before, rel=1e-6, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_it_goes_on_where_both_neighbours_come_at_once_with_the_first_of_the_next_section() -> None:
     breather = cb.symmetric(a=0.8, gamma=0.02, k=0.8)
     branch = cb.trace(breather, "gamma", towards="up")

@@ -209,6 +209,7 @@ def test_a_branch_without_walls_says_so_in_its_repr_and_in_a_column() -> None:
     assert "margin" not in cb.trace(start(), "a").names
 
 
+@pytest.mark.slow
 def test_a_plot_shows_what_is_behind_a_wall() -> None:
     branch = lifted()
     ax = cb.plot(branch).axes

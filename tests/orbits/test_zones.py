@@ -144,6 +144,7 @@ def test_for_small_k_site_zero_takes_over_the_upper_limit() -> None:
     assert centre[-1]["a"] == pytest.approx(neighbour[0]["a"], abs=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plane", [{"gamma": 0.1}, {"a": 0.2}])
 def test_other_planes_show_the_same_points(plane: dict[str, float]) -> None:
     ((name, value),) = plane.items()
@@ -189,6 +190,7 @@ def test_a_curve_that_passes_between_two_values_of_the_comb_is_found_at_the_edge
     np.testing.assert_allclose(line["a"][[0, -1]], [0.695, 0.705], rtol=1e-11)
 
 
+@pytest.mark.slow
 def test_couplings_above_a_quarter_have_a_plane_of_omega() -> None:
     """At omega = 1, which is in the comb, the drive is in the band: no breather, no refusal."""
     diagram = cb.zones(k=0.8, gamma=0.3)
@@ -274,6 +276,7 @@ def test_rows_in_closed_form_show_what_walks_along_them_do(plane: dict[str, Any]
             assert shapely.distance(points, shapely.MultiLineString(nodes)).max() < 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("k", "forcing", "curves"),
     [
@@ -321,6 +324,7 @@ class Impatient(cb.InfiniteChain):
         return super().mean(gamma, name)
 
 
+@pytest.mark.slow
 def test_work_is_bounded() -> None:
     """Questions to the chain for a whole diagram, not seconds."""
     chain = Impatient(10**9)
@@ -435,6 +439,7 @@ def test_where_no_upper_breather_is_a_region_says_that_a_lower_one_is() -> None:
     assert below.describe() == "no upper breather, nor a lower one at any of 5 places"
 
 
+@pytest.mark.slow
 def test_a_diagram_of_both_families_ends_where_impacts_vanish() -> None:
     within = {"gamma": (0.15, 0.22), "a": (0.3, 2.0)}
     both = cb.zones(k=0.8, within=within, past_folds=True)
@@ -502,6 +507,7 @@ def test_a_region_is_shown_in_a_line_with_its_verdict() -> None:
     assert below.y < 2 * below.x
 
 
+@pytest.mark.slow
 def test_regions_go_on_to_the_edge_of_the_search_where_no_curve_does() -> None:
     """At a = 0.59 no fold reaches gamma = 0, and NS ends at k = 0.999 above it; of the window of
     the couplings only NS is seen, which spans a part of those of k."""

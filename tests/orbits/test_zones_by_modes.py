@@ -121,6 +121,7 @@ def test_planes_of_k_go_up_to_where_the_hardest_site_loses_nothing() -> None:
     assert diagram.box(window)[0][1] == pytest.approx(highest, abs=1e-12)
 
 
+@pytest.mark.slow
 def test_a_window_of_one_parameter_leaves_the_other_whole_at_another_frequency() -> None:
     """Pictures ended at gamma = 0.2499, which is for omega = 1."""
     diagram = cb.zones(k=0.8, omega=2.0, progress=False)

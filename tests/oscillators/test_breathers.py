@@ -84,6 +84,7 @@ def test_equations_in_which_nothing_is_eliminated_have_the_same_orbits(code) -> 
         np.testing.assert_allclose(one[name][[0, -1]], other[name][[0, -1]], atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [1, 2])
 def test_at_pd_the_orbit_of_twice_the_period_sets_out(number: int) -> None:
     """From where the perturbation is at rest, at either end of the half on the two edges of one
@@ -214,6 +215,7 @@ def test_how_many_sites_take_part_is_no_matter_of_the_zero_of_the_energy() -> No
     assert 1 < one.participation < 1.2
 
 
+@pytest.mark.slow
 def test_potentials_may_be_functions() -> None:
     """The same numbers as from formulas, with an odd part that tells the ends of a bond apart."""
     V, W = "(1 - exp(-b*u))**2/(2*b**2)", "c*(r**2/2 - r**3/9)"
@@ -283,6 +285,7 @@ def test_what_ends_on_the_way_names_the_harmonic_and_the_band(none) -> None:
     assert "the frequency itself, 1.2," in says
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("free", "window"), [("omega", (0.9, 1.5)), ("energy", (-1.0, 2.0))])
 def test_a_family_that_shrinks_to_rest_ends_at_the_mode_that_it_is_born_from(free, window) -> None:
     """A hard one at the upper edge: of an open chain of three that has w^2 = 1 + 3 c."""
@@ -294,6 +297,7 @@ def test_a_family_that_shrinks_to_rest_ends_at_the_mode_that_it_is_born_from(fre
     assert end["omega"] == pytest.approx(np.sqrt(1.3), abs=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("free", ["energy", "omega"])
 @pytest.mark.parametrize(
     ("V", "energy", "rests"),
@@ -531,6 +535,7 @@ def test_a_loaded_branch_has_its_equations(kind, tmp_path) -> None:
     assert one[free] == other[free] == wider[free][1]
 
 
+@pytest.mark.slow
 def test_what_holds_functions_is_saved_without_equations(tmp_path) -> None:
     chain = cb.Oscillators(V=lambda u, p: u**2 / 2 + u**4 / 4, W=LINEAR, lattice=cb.Ring(3))
     start = cb.breather(chain, {1: 1}, omega=1.5, params={"c": 0.02})
@@ -618,6 +623,7 @@ def test_sites_that_hardly_feel_each_other_have_no_pf_next_to_no_coupling() -> N
     assert branch.doubtful == ()
 
 
+@pytest.mark.slow
 def test_a_breather_that_turns_where_a_force_has_no_value_has_no_multipliers() -> None:
     """Grains that come out of contact there: all places of the equations are in between."""
     how = {"lattice": cb.OpenChain(3, ends="fixed"), "masses": [1.0, 0.1, 1.0]}

@@ -66,6 +66,7 @@ def test_breather_of_figure_7_repels_between_its_period_doublings(along_m):
         assert point["unstable"] == beyond
 
 
+@pytest.mark.slow
 def test_ring_let_go_beside_the_breather_of_figure_7_stays_or_leaves_as_its_multipliers_say(
     along_m,
 ):

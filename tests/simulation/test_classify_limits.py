@@ -83,6 +83,7 @@ def test_what_hit_in_the_first_half_only_has_come_to_rest() -> None:
     assert found.reason.startswith("no impacts; every site within")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("walls", ["rigid", "smooth"])
 def test_sites_in_unison_are_synchronised_though_all_hit(walls: str) -> None:
     u, v = (np.repeat(x, 6, axis=1) for x in noise(1, 60))
@@ -106,6 +107,7 @@ def test_distance_from_the_forced_motion_is_that_of_displacements_and_velocities
         assert found.evidence["spread"] == 0.5
 
 
+@pytest.mark.slow
 def test_smooth_energy_all_over_the_ring_is_delocalised() -> None:
     u, v = 1e-2 * noise(5, 59)
     v[:, :4] += 1.0
@@ -136,6 +138,7 @@ def turning(number: float, shrinks: float = 0.0, count: int = 600) -> tuple[Any,
     return 0.3 * size * np.cos(t), 0.4 * size * np.sin(t) - 1.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("walls", "q", "on"),
     [("smooth", 3, {}), *(("rigid", q, {"a": 0.93, "gamma": 0.0, "damping": 0.0}) for q in (1, 3))],

@@ -170,6 +170,7 @@ def test_tilt_is_the_flight_to_the_lower_wall_beyond_half_a_period() -> None:
     assert seen.tilt[0] == pytest.approx(math.remainder(beyond, 2.0 * math.pi), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_sweep_ends_with_a_run_that_ends() -> None:
     strong = 1e12  # elastic rebounds under it take 4e-6
     seen = sim.sweep(([0.1], [0.0]), "a", [1.5, strong, 0.1], periods=2, gamma=0.0, k=1.0)

@@ -35,6 +35,7 @@ def test_pitchfork_of_a_damped_ring_is_that_of_its_shot_orbit(pitchfork):
     assert pitchfork.detail["criticality"] == "supercritical"
 
 
+@pytest.mark.slow
 def test_its_curve_in_damping_and_amplitude_is_that_of_the_shot_orbit(pitchfork):
     window = {"damping": (0.005, 0.03)}
     line = cb.boundary(pitchfork, ("damping", "a"), within=window, events=())

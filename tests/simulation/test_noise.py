@@ -18,6 +18,7 @@ ON: dict[str, Any] = {"a": 0.5, "gamma": 0.05, "k": 0.8, "damping": 0.02}
 START = cb.symmetric(0.5, 0.05, 0.8).state(8)
 
 
+@pytest.mark.slow
 def test_noise_of_a_linear_lattice_has_the_covariance_of_its_fluctuation_theorem() -> None:
     """``<v v> = s^2/(2 mu)`` and ``<u u> = s^2/(2 mu) K^-1`` without walls, by 18,000 values."""
     sites, mu, spring, gamma, strength = 900, 0.5, 0.5, 0.1, 0.3
@@ -85,6 +86,7 @@ def test_under_noise_a_verdict_says_whether_the_breather_is_there_and_no_more(tm
     assert cb.load(tmp_path / "run.nc").noise == 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("strength", "walls", "kind", "words"),
     [
@@ -101,6 +103,7 @@ def test_under_noise_from_rest_no_breather_is_there(strength, walls, kind, words
     assert found.reason.startswith(words)
 
 
+@pytest.mark.slow
 def test_a_breather_under_noise_hits_regularly_and_others_now_and_then() -> None:
     run = cb.simulate(START, periods=40, noise=1e-4, **ON)
     stray = run.impacts[-7:].copy()

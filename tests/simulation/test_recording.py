@@ -101,6 +101,7 @@ def test_run_goes_on_where_it_stopped_with_the_same_bits(tmp_path, state, forcin
     assert record(tmp_path / "run.nc", state, **on, periods=3).periods == 100  # it has more
 
 
+@pytest.mark.slow
 def test_a_run_that_ends_early_says_so_on_disk(tmp_path):
     on = {"a": 0.0, "gamma": 0.0, "k": 1.0, "periods": 3}
     start = [0.0], [1e5]
@@ -165,6 +166,7 @@ def test_a_killed_process_leaves_what_it_saved_and_the_run_goes_on_from_there(tm
     assert_same(recorded, simulate(state, **CONDITIONS, periods=done + 10))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="limits of Linux")
 def test_a_full_disk_is_a_sentence_and_what_was_saved_is_kept(tmp_path, state):
     """HDF5 itself ends the interpreter where it cannot write."""

@@ -169,6 +169,7 @@ def test_smooth_breather_is_lost_where_a_pair_leaves_the_circle():
     assert beyond.largest == pytest.approx(1.0110, abs=1e-4)  # growth of Fig. 6 (a)
 
 
+@pytest.mark.slow
 def test_smooth_branch_in_a_has_a_fold_near_that_of_the_exact_one():
     """Down from a = 0.1: the fold of m = 6 at 0.0726, of rigid walls, undamped, at 0.0601."""
     start = breather(20, m=6, **FIGURE5)

@@ -28,6 +28,7 @@ def orbit():
 # --- sweeps ---------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_breather_is_lost_at_the_fold_of_its_branch_the_later_the_faster(orbit):
     branch = trace(orbit, "a", towards="down", within={"a": (0.05, 0.3)})
     fold = branch.first("LP")["a"]
@@ -86,6 +87,7 @@ def test_upward_sweep_loses_the_breather_where_the_neighbour_grazes():
     assert np.all(np.abs(up.tilt[up.value < 0.77]) < 1e-6)
 
 
+@pytest.mark.slow
 def test_sweep_in_gamma_meets_the_torus_where_the_branch_has_it():
     """A pair of multipliers leaves the circle at gamma = 0.08320; beyond the states do not repeat,
     and further on the torus is lost."""

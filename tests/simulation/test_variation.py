@@ -41,6 +41,7 @@ def test_variation_of_chosen_vectors_is_the_matrix_times_them():
         variation(run, vectors[:6])
 
 
+@pytest.mark.slow
 def test_exponents_of_a_damped_attractor_are_its_multipliers():
     conditions = {"a": 0.3, "gamma": 0.08, "k": 0.8, "damping": 0.05}
     orbit = breather(6, **conditions)

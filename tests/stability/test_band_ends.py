@@ -20,6 +20,7 @@ from tests.stability.half import determinant, unstable_count, unstable_multiplie
 OFF = (0.0, 1e-16, 1e-14, 1e-12, 1e-10, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gamma", [0.0625, 0.06255])
 def test_two_sites_are_told_stable_or_not_where_their_band_passes_minus_one(gamma: float) -> None:
     orbit = cb.multibreather([0, 3], a=0.4, gamma=gamma, k=0.8, lattice=cb.Ring(30)).unfolded()
