@@ -64,7 +64,7 @@ def test_a_file_with_more_unknowns_than_the_problem_is_refused(tmp_path: Path) -
 
 def to_the_right(u: Array, p: Params) -> Array:
     """A map that doubles, or a flow that turns, without values to the left."""
-    if np.real(u[0]) < -1e-9:
+    if np.real(u[0]) < 0:
         raise ValueError("only to the right")
     if u.size == 1:
         return -(1.0 + p["m"]) * u + u**2
