@@ -18,7 +18,6 @@ from typing import Any
 import panel as pn
 from bokeh.models.ui import UIElement
 from panel.io.notebook import block_comm, patch_inline_stylesheets
-from tornado.ioloop import IOLoop
 
 from contbreather.errors import ContbreatherError
 from contbreather.explorer import forms, style, views
@@ -214,9 +213,7 @@ class Page:
     def _in_its_thread(self) -> Callable[[Callable[[], None]], object] | None:
         """Scheduler of this page's thread; None where any will do."""
         if self._served:
-            # the document, too: what another thread adds while this one empties its list of
-            # changes is lost, and the page would wait for it for ever
-            return partial(IOLoop.current().add_callback, self.document.add_next_tick_callback)
+            return self.document.add_next_tick_callback
         return asyncio.get_running_loop().call_soon_threadsafe if in_notebook() else None
 
     @contextmanager

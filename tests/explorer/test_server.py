@@ -10,7 +10,6 @@ import signal
 import socket
 import subprocess
 import sys
-import threading
 import time
 from base64 import b64encode
 from collections.abc import Iterator
@@ -20,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bokeh.document import Document
 from tornado.websocket import WebSocketClosedError
 
 from contbreather.errors import BadInput
@@ -194,30 +192,6 @@ def test_a_page_that_is_closed_while_it_is_written_to_is_no_trouble(
     asyncio.run(forgotten(WebSocketClosedError(), OSError("something else")))
     gc.collect()
     assert [record.exc_info[0] for record in caplog.records if record.exc_info] == [OSError]
-
-
-def test_a_document_hears_of_changes_in_its_own_thread_alone(monkeypatch: pytest.MonkeyPatch):
-    """What another thread adds to it while Panel empties its list of changes is lost, and the page
-    waited for that for ever."""
-    explorer, heard = Session(), []
-    server, url = server_for(explorer)
-    add = Document.add_next_tick_callback
-
-    def noted(document: Document, callback: Any) -> Any:
-        heard.append(threading.current_thread())
-        return add(document, callback)
-
-    def visit() -> None:
-        asked(url, "/", f"127.0.0.1:{port_of(url)}")
-        explorer.tell("something happened in another thread")
-        server.io_loop.add_callback(server.io_loop.stop)
-
-    monkeypatch.setattr(Document, "add_next_tick_callback", noted)
-    threading.Thread(target=visit).start()
-    server.start()
-    server.io_loop.start()
-    server.stop()
-    assert {*heard} == {threading.main_thread()}
 
 
 def test_without_panel_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
