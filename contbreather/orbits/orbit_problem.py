@@ -388,7 +388,9 @@ def breathers_along(points: Points) -> BreathersAlong | None:
 def _breathers(points: Points, z: FloatArray) -> BreathersAlong | None:
     curve: Any = points.curve
     (free, *others), first = curve.free, points[0].solution
-    if others or free not in ("a", "gamma", "omega") or curve.problem.beneath is not None:
+    if others or free not in ("a", "gamma", "omega"):
+        return None
+    if not isinstance(curve.problem, OrbitProblem):  # tied, its parameters are not the chain's
         return None
     # with p <= 0 the wall +1 would pull at its site
     if not first.symmetric or first.lattice.sites is not None or not (z[:, 0] > 0.0).all():

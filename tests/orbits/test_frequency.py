@@ -206,6 +206,22 @@ def test_other_parameters_join_and_a_point_at_frequency_one_is_one_like_any_othe
     assert (both.omega, both.spring, "omega" in both.conditions.params) == (1.0, 0.0, False)
 
 
+@pytest.mark.parametrize(("omega", "free"), [(1.0, "gamma"), (1.2, "omega")])
+def test_tied_parameters_of_a_breather_have_its_events_and_curves(omega, free):
+    breather = cb.symmetric(a=0.7, gamma=0.05, k=0.8, omega=omega)
+    half = breather.problem.tied({"a": lambda p: 2 * p["a"]}, a=0.35)
+    branch = cb.trace(breather, "a", within={"a": (0.01, 2)}, towards="both")
+    tied = cb.trace(half, "a", within={"a": (0.005, 1)}, towards="both")
+    assert [point.label for point in tied.special] == [point.label for point in branch.special]
+    for kind in ("LP", "PF", "GR"):
+        assert tied.first(kind)["a"] == pytest.approx(branch.first(kind)["a"] / 2, abs=1e-12)
+    near = {free: (0.05, 1.21)}
+    lines = [cb.boundary(b.first("PF"), (free, "a"), within=near) for b in (tied, branch)]
+    ends = [line.first("PF-GR") for line in lines]
+    assert ends[0]["a"] == pytest.approx(ends[1]["a"] / 2, abs=1e-10)
+    assert ends[0][free] == pytest.approx(ends[1][free], abs=1e-10)
+
+
 @pytest.mark.parametrize("name", CASES)
 def test_parameters_come_back_as_they_were_given(name, tmp_path):
     make, on = CASES[name]

@@ -120,7 +120,7 @@ def chained(slopes: Callable[..., Array]) -> Callable[..., Array]:
             return slopes(of, curve, z, extra)
         at = z[: curve.size], curve.params(z), curve.free
         base, place, chain = ties.untied(curve.problem.start, *at)
-        rows, n, m = slopes(of, base, place, extra), curve.size, place.size
+        rows, n, m = along(of, base, place, extra), curve.size, place.size
         return np.hstack([rows[:, :n], rows[:, n:m] @ chain, rows[:, m:]])
 
     return along
