@@ -132,9 +132,8 @@ def tangent_in(curve: Curve, point: Point, longer: Callable[[Orbit], Problem]) -
     hits = 2 * orbit_at(curve.problem).section.count  # times and impulses
 
     def place(z: FloatArray) -> FloatArray:
-        there = longer(Point(point.curve, z).solution).having(*curve.free)
-        start = Curve(there, curve.free).start
-        return np.append(start[:hits], start[-1])
+        there = longer(Point(point.curve, z).solution)
+        return np.append(Curve(there, ()).start[:hits], z[-1])
 
     step = 1e-3 / np.linalg.norm(point.direction)  # of a difference of places on it
     known = directional(place, point.z, step * point.direction) / step

@@ -31,12 +31,14 @@ from numpy.typing import NDArray
 
 from contbreather.continuation.algebra.newton import OUT_OF_DOMAIN, Undefined
 from contbreather.continuation.branches.switching import leaving
-from contbreather.continuation.curve.curve import Curve
+from contbreather.continuation.curve.curve import Curve, Params
 from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem, TiedProblem
 from contbreather.continuation.systems.normal_forms import Forms, solve
 from contbreather.errors import BadInput
 from contbreather.orbits.branch_switching import changes_order, tangent_in
 from contbreather.orbits.orbit import Orbit
+from contbreather.orbits.orbit_problem import OrbitProblem
 from contbreather.tables import Cell, HtmlRepr, Sheet
 
 FloatArray = NDArray[np.float64]
@@ -124,7 +126,8 @@ def _form(point: Point) -> PitchforkForm:
     if not orbit.section.symmetric:
         raise BadInput(f"{orbit.describe()}: only half a symmetric orbit has a pitchfork.")
     whole = orbit.unfolded()
-    curve = Curve(whole.problem.having(*point.curve.free), point.curve.free)
+    problem = _in_parameters(point.curve.problem, point.params, whole.problem)
+    curve = Curve(problem.having(*point.curve.free), point.curve.free)
     matrix = curve.jacobian(curve.start)
     left, sizes, right = np.linalg.svd(matrix[:, :-1])
     if sizes[-1] > _SINGULAR * sizes[0]:
@@ -142,6 +145,15 @@ def _form(point: Point) -> PitchforkForm:
     bend = _slope(curve, point, v) if kink else _curvature(curve, matrix, v, w)
     power = 1 if kink else 2
     return PitchforkForm(curve.free[0], 1.0 / bend, bend * _loss(point) > 0.0, power)
+
+
+def _in_parameters(of: Problem, params: Params, problem: Problem) -> Problem:
+    """A problem of orbits in the parameters of another, which may be tied."""
+    if isinstance(of, OrbitProblem) or not isinstance(of, TiedProblem):
+        return problem
+    ties = of.ties
+    base = _in_parameters(ties.base, ties(params), problem).having(*ties.functions)
+    return base.tied(ties.functions, **params)
 
 
 def _slope(curve: Curve, point: Point, v: FloatArray) -> float:

@@ -62,6 +62,26 @@ def test_coefficient_is_what_the_arms_do_in_any_parameter(lattice, free):
     assert pitchfork_form(branch_point.solution, free).coefficient == pytest.approx(limit, rel=1e-5)
 
 
+TWO = {"a": 0.6, "gamma": 0.03, "k": 0.8, "damping": 0.05, "lattice": Ring(8)}
+
+
+@pytest.mark.parametrize(
+    "orbit",
+    [
+        symmetric(0.7, 0.04, 0.8),
+        symmetric(1.008, 0.0576, 0.8, omega=1.2),
+        multibreather([0, 1], **TWO),
+    ],
+)
+def test_of_tied_parameters_it_is_that_of_the_new_one(orbit):
+    window = (orbit.a, 1.2 * orbit.a)
+    plain = trace(orbit, "a", within={"a": window}).first("PF")
+    tied = orbit.problem.tied({"a": lambda p: 2 - 2 * p["x"]}, x=1 - orbit.a / 2)
+    fork = trace(tied, "x", within={"x": (1 - window[1] / 2, 1 - window[0] / 2)}).first("PF")
+    assert fork["coefficient"] == pytest.approx(-2 * plain["coefficient"], rel=1e-9)
+    assert fork["criticality"] == plain["criticality"]
+
+
 @pytest.mark.parametrize(("c3", "word"), [(-1.0, "supercritical"), (0.3, "subcritical")])
 @pytest.mark.parametrize(
     ("gamma", "on"), [(0.0, {}), (0.02, {}), (0.02, {"lattice": Ring(3), "damping": 0.01})]
