@@ -10,8 +10,10 @@ from contbreather.certified.proofs import DEFINING, certify_curve, certify_point
 from contbreather.checks import number
 from contbreather.continuation.curve.branch import Branch
 from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import TiedProblem
 from contbreather.continuation.systems.defining_systems import event_of
 from contbreather.errors import BadInput
+from contbreather.orbits.orbit_problem import OrbitProblem
 
 __all__ = ["Certificate", "Covering", "Interval", "Tile", "certify"]
 
@@ -58,6 +60,7 @@ def certify(what: Any, *, within: float = 1e-8) -> Certificate | Covering:
             raise BadInput(
                 "certify() takes branches in one parameter; of a boundary take its points, line[3]."
             )
+        _refuse_tied(what.problem)
         params = parameters(_orbit(what[0]))
         return certify_curve(params, what.free, [tuple(map(float, point.z)) for point in what])
     orbit, kinds = what, list[str]()
@@ -67,9 +70,18 @@ def certify(what: Any, *, within: float = 1e-8) -> Certificate | Covering:
     params, unknowns = parameters(orbit), {"p": orbit.p, "phi": orbit.phi}
     special = next((kind for kind in kinds if kind in DEFINING), "")
     if special:
+        _refuse_tied(what.base_point.curve.problem)
         free = what.curve.free[0]
         unknowns[free] = params.pop(free)
     return certify_point(params, unknowns, special, within)
+
+
+def _refuse_tied(problem: Any) -> None:
+    if isinstance(problem, TiedProblem) and not isinstance(problem, OrbitProblem):
+        raise BadInput(
+            "certify() proves breathers in parameters of their own, not in tied ones: take the "
+            "breather of a point, branch[3].solution."
+        )
 
 
 def _orbit(point: Point) -> Any:

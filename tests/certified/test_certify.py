@@ -238,6 +238,11 @@ def _line() -> cb.Branch:
     return cb.trace(mine, "mu", within={"mu": (0.0, 0.1)})
 
 
+def _tied() -> cb.Branch:
+    half = cb.symmetric(0.7, 0.04, 0.8).problem.tied({"a": lambda p: 2 * p["a"]}, a=0.35)
+    return cb.trace(half, "a", within={"a": (0.3, 0.4)})
+
+
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -252,8 +257,21 @@ def _line() -> cb.Branch:
         (lambda _: 3, "takes a breather, a point or a branch"),
         (lambda _: _line(), "takes a breather, a point or a branch"),
         (lambda _: _line()[0], "takes a breather, a point or a branch"),
+        (lambda _: _tied(), "not in tied ones"),
+        (lambda _: _tied().first("PF"), "not in tied ones"),
     ],
-    ids=["ring", "spring", "formula", "arm", "open", "number", "own branch", "own point"],
+    ids=[
+        "ring",
+        "spring",
+        "formula",
+        "arm",
+        "open",
+        "number",
+        "own branch",
+        "own point",
+        "tied",
+        "tied point",
+    ],
 )
 def test_others_are_refused_in_a_sentence(
     make: Callable[[cb.Branch], object], words: str, in_a: cb.Branch
