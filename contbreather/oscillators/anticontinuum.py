@@ -35,6 +35,7 @@ _CLOSER = 3  # times as close as 1/20 where these end: to 2e-6 of the amplitude
 _NODES = 0.5 * math.pi * (np.arange(128) + 0.5) / 64  # of Gauss and Chebyshev, angles from 0 to pi
 _LEVELS, _PHASES = (0.0, 0.4, 0.8, 1.1), 6  # starts, relative to where it resonates
 _ESCAPED = 10.0  # relative to the same, or to what a drive in resonance leads to
+_SAMPLES = 256  # of a period, among which phases are looked for
 _ALIKE = 0.02  # of the same: ends that differ by less lead to one attractor
 _CALM = 12.0  # over the loss: a time in which swings fall by exp(-6)
 _MOST = 400  # periods after which it has settled, or never will
@@ -225,14 +226,14 @@ def single_field(chain: Oscillators, one: SingleOscillator) -> Function:
 
 def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     """Those of one site without coupling, those that swing least first: to which it settles from
-    phases and amplitudes up to beyond where it resonates."""
+    phases and amplitudes up to beyond where it resonates, or beside a free swing."""
     from scipy.integrate import solve_ivp
 
     p, omega, period = one.params, one.params["omega"], forcing_period(0.0, None, one.params)
     # as large as where it resonates, or as the drive takes a free mass
     drive = abs(chain.drive(np.linspace(0, period, 64), p)).max()
-    resonant = [a for sign in (1.0, -1.0) for a in one.amplitudes(omega, sign)]
-    size, field = max(resonant, default=drive / one.mass / omega**2), single_field(chain, one)
+    right, left = (one.amplitudes(omega, sign) for sign in (1.0, -1.0))
+    size, field = max(right + left, default=drive / one.mass / omega**2), single_field(chain, one)
     r, s = np.meshgrid(_LEVELS, 2 * math.pi * np.arange(_PHASES) / _PHASES)
     start = size * np.array([(r * np.cos(s)).ravel(), -omega * (r * np.sin(s)).ravel()])
 
@@ -249,7 +250,8 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
     how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
     ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
     starts: list[Array] = []
-    for x in ends[:, abs(ends[0]) < far].T:
+    balanced = _balanced(chain, one, loss, right) if right else ends[:, :0]
+    for x in np.hstack([ends[:, abs(ends[0]) < far], balanced]).T:
         if all(abs(x - other).max() > _ALIKE * size for other in starts):
             starts.append(x)
     how = {"period": period, "collocation": Collocation(6, 6), "events": ()}
@@ -264,6 +266,31 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
         if all(abs(v - other).max() > _ALIKE * abs(v).max() for other in velocities):
             apart, velocities = [*apart, orbit], [*velocities, v, -np.roll(v, 8)]
     return sorted(apart, key=_swing)
+
+
+def _balanced(
+    chain: Oscillators, one: SingleOscillator, loss: float, amplitudes: list[float]
+) -> Array:
+    """States on free swings at the frequency of the drive, at phases where its work over a period
+    is what damping takes: orbits of little drive and damping are next to these, however small the
+    basin of an attractor is (V. K. Melnikov)."""
+    from scipy.integrate import solve_ivp
+
+    period, shape = forcing_period(0.0, None, one.params), (2, len(amplitudes))
+    t = period * np.arange(_SAMPLES) / _SAMPLES
+
+    def rates(_: float, y: Array) -> Array:
+        u, v = y.reshape(shape)
+        return np.append(v, -one.pull(u))
+
+    turned = np.append(amplitudes, np.zeros(len(amplitudes)))
+    swings = solve_ivp(rates, (0.0, period), turned, "DOP853", t_eval=t, rtol=1e-6).y
+    u, v = swings.reshape(*shape, _SAMPLES)
+    force = chain.lattice.drive[one.site] / one.mass * (chain.drive(t, one.params) + 0.0 * t)
+    work = np.array([v @ np.roll(force, -late) for late in range(_SAMPLES)])
+    gains = work > loss * (v * v).sum(axis=1)
+    late, i = np.nonzero(gains != np.roll(gains, -1, axis=0))
+    return np.array([u[i, -late], v[i, -late]])
 
 
 def _off_centre(orbit: Cycle) -> float:

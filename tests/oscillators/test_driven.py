@@ -146,6 +146,18 @@ def test_pendula_that_went_round_before_are_no_other_attractors(damping, a, omeg
     assert orbit.swings[1] > 2 * orbit.swings[0]
 
 
+def test_an_attractor_with_a_small_basin_is_found_beside_the_free_swing() -> None:
+    """Of starts on circles about rest one in 24 leads to it; it is an orbit that stays."""
+    chain = cb.Oscillators(
+        V="1 - cos(u)", W="c*r**2/2", lattice=cb.OpenChain(2), damping=0.05,
+        drive="0.2*cos(omega*t)",
+    )  # fmt: skip
+    high = cb.breather(chain, {0: "high"}, omega=0.6, params={"c": 0.0})
+    run = cb.integrate(high, periods=30, perturb=1e-3)
+    np.testing.assert_allclose(run.final, high.solution.states(0.0), atol=1e-4)
+    assert high.solution.farthest == pytest.approx(2.6966, abs=1e-3)
+
+
 def test_of_two_wells_that_are_mirror_images_that_at_rest_is_low() -> None:
     chain = cb.Oscillators(
         V="u**2*(u + 2)**2/4", W="c*r**2/2", lattice=cb.Ring(3), damping=0.1, drive="a*cos(omega*t)"
