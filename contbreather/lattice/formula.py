@@ -69,7 +69,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "csc": lambda x: 1.0 / np.sin(x),
     "cot": lambda x: 1.0 / np.tan(x),
     "sign": lambda x: np.sign(np.real(x)),
-    "Abs": lambda x: x * np.sign(np.real(x)),
+    **dict.fromkeys(("Abs", "abs"), lambda x: x * np.sign(np.real(x))),  # SymPy's name, Python's
     "besselj": _besselj,
 }
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {

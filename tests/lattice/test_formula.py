@@ -21,7 +21,7 @@ from ..apart import ended
 TIMES = np.array([-30.1, -7.3, -0.2, 0.4, np.pi / 2, 1.9, 3.3, 12.0, 99.5])
 WORDS = {name: getattr(np, name) for name in ("sin", "cos", "tan", "sinh", "cosh", "tanh", "exp")}
 WORDS |= {"log": np.log, "sqrt": np.sqrt, "asin": np.arcsin, "acos": np.arccos, "atan": np.arctan}
-WORDS |= {"Abs": np.abs, "sign": np.sign, "besselj": special.jv, "pi": np.pi}
+WORDS |= {"Abs": np.abs, "abs": np.abs, "sign": np.sign, "besselj": special.jv, "pi": np.pi}
 WORDS |= {"sec": lambda x: 1 / np.cos(x), "csc": lambda x: 1 / np.sin(x)}
 WORDS |= {"cot": lambda x: 1 / np.tan(x)}
 
