@@ -145,6 +145,9 @@ class Orbit(ImpactSequence, HtmlRepr):
     def on(self, lattice: Any) -> Orbit:
         """The orbit of another lattice with the same impacts and parameters, next to this one.
 
+        Sites keep their numbers: 0, where a breather of the infinite chain impacts, is the end of
+        an `OpenChain`. `symmetric` takes the site there.
+
         Raises
         ------
         NotConverged, NoSolution
