@@ -22,7 +22,8 @@ from pydantic import (
     model_validator,
 )
 
-from contbreather.checks import brief, numbers, spread
+from contbreather.checks import brief, numbers, one_of, spread
+from contbreather.continuation.branches.boundary import named_pair
 from contbreather.errors import BadInput
 from contbreather.files import read_text
 from contbreather.lattice.chain import InfiniteChain, Ring
@@ -185,9 +186,9 @@ class BranchTask(GridTask):
     kind: ClassVar[str] = "branch"
     free: str
     window: Window | None = None
-    root: int | None = None
+    root: int | None = Field(None, ge=1)
     optional: bool = False
-    largest: float | None = None
+    largest: float | None = Field(None, gt=0.0)
 
     @model_validator(mode="after")
     def complete(self) -> BranchTask:
@@ -220,7 +221,7 @@ class Boundary(FromPoint):
 
     kind: ClassVar[str] = "boundary"
     pair: list[str] = Field(min_length=2, max_length=2)
-    largest: float | None = None
+    largest: float | None = Field(None, gt=0.0)
 
 
 class ZonesTask(GridTask):
@@ -315,8 +316,9 @@ def read(path: str | Path) -> Study:
         study, faults = _without_mistakes(tables)
     except RecursionError as error:
         raise BadInput(f"{path} is no study: tables or lists are too deep in others") from error
-    faults += [*_of_names(study, kinds), *_of_references(study, dict(kinds))]
-    if faults := [*faults, *_of_couplings(study)]:
+    if all(at[0] != "chain" for at, _ in faults):  # else there is another one in its place
+        faults += [*_of_couplings(study), *_of_parameters(study)]
+    if faults := [*faults, *_of_names(study, kinds), *_of_references(study, dict(kinds))]:
         lines = _lines(text)
         # of what is not there the line of the innermost table that is
         places = sorted((_line(lines, at), ".".join(at), why) for at, why in faults)
@@ -420,6 +422,25 @@ def _of_couplings(study: Study) -> Iterator[Fault]:
                     parameter("gamma", value)
             except BadInput as error:
                 yield (kind, name, "gamma"), str(error)
+
+
+def _of_parameters(study: Study) -> Iterator[Fault]:
+    """Refuse parameters that chain and drive do not have."""
+    drive = study.chain.drive
+    named = [(("branch", name, "free"), [table.free]) for name, table in study.branch.items()]
+    named += [(("boundary", name, "pair"), table.pair) for name, table in study.boundary.items()]
+    for place, parameters in named:
+        try:
+            for one in named_pair(parameters) if place[-1] == "pair" else parameters:
+                one_of("the parameter", one, (*NUMBERS, *drive.params))
+        except BadInput as error:
+            yield place, str(error)
+    for kind in ("branch", "zones", "atlas"):
+        for name, table in getattr(study, kind).items():
+            try:
+                drive.at(**{letter: drive.params.get(letter, 0.0) for letter in table.over})
+            except BadInput as error:
+                yield (kind, name, "over"), str(error)
 
 
 def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
