@@ -36,7 +36,6 @@ from contbreather.lattice.uneven import forced_spectrum
 from contbreather.one_thread import one_thread
 from contbreather.simulation.states import (
     PERIOD,
-    LatticeParameters,
     ModelParameters,
     SmoothConditions,
     State,
@@ -121,7 +120,7 @@ def _shells(lattice: Finite, centre: int) -> NDArray[np.float64]:
 
 
 def localisation(
-    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[LatticeParameters]
+    u: ArrayLike, v: ArrayLike, t: ArrayLike = 0.0, **on: Unpack[ModelParameters]
 ) -> Localisation:
     """Energies and participation ratio of one state, or of many at once.
 
@@ -132,7 +131,7 @@ def localisation(
     t : array_like, shape (...)
         Their times.
     on
-        ``a, gamma, damping, spring, forcing, lattice`` as in `simulate`.
+        As in `simulate`, of which walls and losses may be left out: energies know nothing of them.
 
     Examples
     --------
@@ -150,7 +149,9 @@ def localisation(
     times = numbers("t", t)
     if times.shape not in ((), x.shape[:-1]):
         raise BadInput(f"t has the shape {times.shape}: a time for each of {x.shape[:-1]} states.")
-    return localised(x, y, times, conditions_of(x.shape[-1], k=1.0, **on))
+    if on.get("restitution") is None:
+        on.setdefault("k", 1.0)
+    return localised(x, y, times, conditions_of(x.shape[-1], **on))
 
 
 def localised(u: Array, v: Array, t: ArrayLike, on: Conditions | SmoothConditions) -> Localisation:

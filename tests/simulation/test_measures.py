@@ -47,6 +47,12 @@ def test_decay_of_several_states_counts_from_the_centre_of_each() -> None:
     assert seen.decay() == pytest.approx(0.3, rel=1e-9)
 
 
+def test_localisation_takes_what_a_run_was_simulated_under() -> None:
+    run = cb.simulate(cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(6)), periods=3)
+    seen = sim.localisation(*run.strobe, run.times, **vars(run.conditions))
+    assert seen.energy == pytest.approx(sim.localisation(*run.strobe, a=0.2, gamma=0.04).energy)
+
+
 def test_where_decay_cannot_be_told() -> None:
     for sites in (1, 2, 3):
         assert math.isnan(sim.localisation(np.zeros(sites), np.ones(sites), **STILL).decay())
