@@ -302,10 +302,10 @@ CASES += [
     ),
     (lambda: lattice_by("ring:5", 5), "^--lattice ring:5 and --sites 5: give one of the two"),
     *(
-        (lambda typed=typed: walls_by(typed, None), f"^--walls {' '.join(typed)}: one pair for all")
+        (lambda typed=typed: walls_by(typed, None), f"^walls {' '.join(typed)}: one pair for all")
         for typed in (("-1,1", "0,2"), ("3:-1,1", "3:0,2"))
     ),
-    (lambda: walls_by(["1,2,1", "0:2"], 3), "^--walls 1,2,1 0:2: each site has its own already"),
+    (lambda: walls_by(["1,2,1", "0:2"], 3), "^walls 1,2,1 0:2: each site has its own already"),
     (lambda: Walls.given([1.0] * 8).placed(cb.OpenChain(9)),
      "^walls of 8 sites are given one by one: .* for all, or one for each of 9 sites"),
     (lambda: Walls.given([1.0] * 8).placed(cb.lattice.InfiniteChain()),
@@ -315,11 +315,11 @@ CASES += [
         for walls, name in ((-1, "walls"), ([1, 0, 1], r"walls\[1\]"), ("2", "walls"))
     ),
     *(
-        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: LOW,HIGH is expected")
+        (lambda typed=typed: walls_by([typed], None), f"^walls {typed}: LOW,HIGH is expected")
         for typed in ("low", "1,,1", "low,1", "3:")
     ),
     *(
-        (lambda typed=typed: walls_by([typed], None), f"^--walls {typed}: SITE:LOW,HIGH is exp")
+        (lambda typed=typed: walls_by([typed], None), f"^walls {typed}: SITE:LOW,HIGH is exp")
         for typed in (":-1,1", "a:-1,1", "-1:-1,1", "1.5:-1,1")
     ),
 ]  # fmt: skip

@@ -126,9 +126,9 @@ def walls_by(typed: Any, sites: int | None) -> Any:
     by_site = dict(_of_site(text) for text in typed if ":" in text)
     # fewer than were typed: a second pair for all sites, or one site twice
     if len(of_all[:1]) + len(by_site) < len(typed):
-        raise BadInput(f"--walls {' '.join(typed)}: one pair for all sites, one for each of them")
+        raise BadInput(f"walls {' '.join(typed)}: one pair for all sites, one for each of them")
     if by_site and of_all and isinstance(of_all[0], list):
-        raise BadInput(f"--walls {' '.join(typed)}: each site has its own already; leave out SITE:")
+        raise BadInput(f"walls {' '.join(typed)}: each site has its own already; leave out SITE:")
     if not by_site or sites is None:
         return of_all[0] if of_all else by_site or None
     return {**dict.fromkeys(range(sites), *of_all), **by_site} if of_all else by_site
@@ -154,7 +154,7 @@ def as_typed(walls: Walls) -> str:
 def _of_site(text: str) -> tuple[int, Any]:
     site, _, ends = text.partition(":")
     if not site.isdecimal():
-        raise BadInput(f"--walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")
+        raise BadInput(f"walls {text}: SITE:LOW,HIGH is expected, for instance 3:none,0.8")
     return int(site), _ends(ends, text)
 
 
@@ -164,7 +164,7 @@ def _ends(words: str, text: str) -> Any:
         ends = [None if word.lower() == "none" else float(word) for word in words.split(",")]
     except ValueError as error:
         raise BadInput(
-            f"--walls {text}: LOW,HIGH is expected, for instance -1,1, or a number for each site; "
+            f"walls {text}: LOW,HIGH is expected, for instance -1,1, or a number for each site; "
             "none for a wall that is not there"
         ) from error
     return (ends[0] if len(ends) == 1 else tuple(ends)) if len(ends) < 3 else ends

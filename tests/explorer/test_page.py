@@ -125,7 +125,7 @@ def test_what_the_library_refuses_stands_below_the_button(bare: Page) -> None:
         ("a", "half", "a = &#x27;half&#x27;: the amplitude of the forcing must be a finite"),
         ("a", "<script>", "a = &#x27;&lt;script&gt;&#x27;: "),  # text, and no markup
         ("root", "1.5", "root 1.5: the solutions of (11) are"),
-        ("walls", "low", "--walls low: LOW,HIGH"),
+        ("walls", "low", "walls low: LOW,HIGH"),
         ("gamma", "0.3", "0 &lt;= gamma &lt; 1/4"),
         ("lattice", "grid:100000x100000", "at most 10000 sites"),
         ("lattice", "open:2001", "2001 sites: at most 2000 sites"),
