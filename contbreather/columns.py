@@ -47,7 +47,11 @@ class Columns:
         """
         from xarray import Dataset
 
-        return Dataset(self.variables())
+        return Dataset(self.variables(), attrs=self.attributes())
+
+    def attributes(self) -> dict[str, Any]:
+        """Words and numbers that say what the columns are of."""
+        return {}
 
     def variables(self) -> dict[str, Variable]:
         """Columns with their dimensions, as datasets and files have them."""

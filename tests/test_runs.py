@@ -125,6 +125,14 @@ def test_all_that_has_columns_gives_them_as_tables(name: str, tmp_path: Path) ->
             assert cells == [str(cell) for cell in frame[own]]
 
 
+def test_a_dataset_says_what_its_columns_are_of() -> None:
+    assert "gamma = " in branch().to_xarray().attrs["title"]
+    run = impacting()
+    about = run.to_xarray().attrs
+    assert (about["k"], about["forcing"]) == (run.conditions.k, run.conditions.forcing.describe())
+    assert {"lam", "m"} <= {*smooth().to_xarray().attrs}
+
+
 # each file in a copy of a process that has loaded what others wrote, and nothing of this package
 READ_ALONE = """
 import os, sys

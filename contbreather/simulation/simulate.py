@@ -19,7 +19,8 @@ from contbreather.checks import MOST, number, one_of, whole
 from contbreather.columns import Columns, Variable
 from contbreather.errors import BadInput
 from contbreather.lattice.conditions import Conditions
-from contbreather.parameters import NEEDED, parameter
+from contbreather.lattice.parse import as_typed
+from contbreather.parameters import NAMES, NEEDED, parameter
 from contbreather.progress import Bar
 from contbreather.simulation.integrator import (
     EVENTS,
@@ -96,6 +97,15 @@ class States(Columns, HtmlRepr):
 
     def columns(self) -> dict[str, Array]:
         return {"time": self.times, "u": self.strobe.u, "v": self.strobe.v}
+
+    def attributes(self) -> dict[str, Any]:
+        """Conditions it was simulated under, and how it ended."""
+        on = self.conditions
+        about = {name: getattr(on, name) for name in (*NAMES, "lam", "m") if hasattr(on, name)}
+        about |= {"forcing": on.forcing.describe(), "lattice": on.lattice.describe()}
+        about |= {"walls": as_typed(on.walls)} if hasattr(on, "walls") else {}
+        about |= {"noise": getattr(self, "noise", 0.0), "stop": self.stop.value}
+        return {name: value for name, value in about.items() if value != ""}
 
     def variables(self) -> dict[str, Variable]:
         """Everything: the states at the strobe and at the end, sampled sites."""

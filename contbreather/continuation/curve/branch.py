@@ -334,6 +334,10 @@ class Branch(Columns, HtmlRepr):
                 columns[name] = np.where(verge, math.nan, columns[name])
         return columns
 
+    def attributes(self) -> dict[str, Any]:
+        """Sentence that describes it, as title."""
+        return {"title": self.describe()}
+
     def tabulated(self) -> dict[str, NDArray[Any]]:
         """Without the unknowns of a discretisation, and vectors of what defines a boundary."""
         internals = self.problem.internals
