@@ -140,8 +140,11 @@ def test_a_run_from_the_orbit_of_the_lattice_stays_on_it(run, lattice: str, kind
 
 
 def test_a_run_between_far_walls_and_one_without_a_lattice(run) -> None:
-    found = content(run, f"simulate --a 1.2 {AT} --sites 12 --walls -2,2 --periods 3")
+    on = "--sites 12 --walls -2,2 --spring 0.01 --omega 1.05"
+    found = content(run, f"simulate --a 1.2 {AT} {on} --periods 3 --save run.nc")
     assert found["impacts"]["by_site"] == {"0": 6}
+    for one in (found, json.loads(run("show run.nc --json")[1])):
+        assert (one["walls"], one["spring"], one["omega"]) == ([-2, 2], 0.01, 1.05)
     springs = content(run, f"simulate --a 0.6 {AT} --spring 0.1 --periods 3")
     assert springs["impacts"]["by_site"] == {"0": 6}
     assert springs["sites"] == 20

@@ -211,15 +211,20 @@ def model_entry(
     varied: Iterable[str] = (),
 ) -> dict[str, Any]:
     """Lattice and drive of a breather for JSON; of the infinite chain the forcing alone."""
-    from contbreather.lattice.conditions import Walls
-
     about: dict[str, Any] = {"forcing": _drive(forcing, varied)}
     if lattice.sites is not None:
         about |= {"lattice": lattice.describe(), "sites": lattice.sites, "threshold": threshold}
-        every = Walls.given(walls)
-        pairs = dict(every.own) or every.of_all
-        about |= {"site": site, "walls": None if pairs == (-1.0, 1.0) else pairs}
+        about |= {"site": site, "walls": walls_entry(walls)}
     return about
+
+
+def walls_entry(walls: Any) -> Any:
+    """Walls for JSON, those of all or of each site; nothing of the usual ones."""
+    from contbreather.lattice.conditions import Walls
+
+    every = Walls.given(walls)
+    pairs = dict(every.own) or every.of_all
+    return None if pairs == (-1.0, 1.0) else pairs
 
 
 def lives_on(branch: cb.Branch) -> dict[str, Any]:

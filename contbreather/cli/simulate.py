@@ -15,11 +15,11 @@ from cyclopts import Parameter
 
 import contbreather as cb
 from contbreather.cli.options import ModelOptions, Whole
-from contbreather.cli.output import CUT, Result, SavedRun, inform, sentences
+from contbreather.cli.output import CUT, Result, SavedRun, inform, sentences, walls_entry
 from contbreather.cli.process import CutShort, computing
 from contbreather.errors import BadInput
 from contbreather.files import read_text, write_csv, write_whole
-from contbreather.parameters import NEEDED
+from contbreather.parameters import NAMES
 from contbreather.tables import Sheet
 
 if TYPE_CHECKING:
@@ -329,7 +329,7 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
 
     def entry() -> dict[str, Any]:
         verdict, run, c = summary.judge(), summary.run, summary.run.conditions
-        numbers = params or {name: getattr(c, name) for name in NEEDED if hasattr(c, name)}
+        numbers = params or {name: getattr(c, name) for name in NAMES}
         counts = summary.by_site
         length = float(run.length)
         hits = {} if counts is None else {"total": sum(counts.values()), "by_site": counts}
@@ -340,6 +340,7 @@ def of_run(summary: RunSummary, params: Mapping[str, float] | None = None) -> Re
             "m": getattr(c, "m", None),
             "lattice": c.lattice.describe(),
             "sites": run.sites,
+            "walls": walls_entry(getattr(c, "walls", None)),
             "periods": summary.periods if summary.stream or length.is_integer() else length,
             "stop": summary.stop,
             "interrupted": summary.interrupted,
