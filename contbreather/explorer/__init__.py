@@ -37,7 +37,7 @@ class Explorer(Session):
     Raises
     ------
     BadInput
-        If the file is not there or damaged, or k is not between 0 and 1.
+        If the file is not there or damaged, a curve is none, or k is not between 0 and 1.
 
     Examples
     --------

@@ -10,10 +10,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from contbreather.checks import check_kind
 from contbreather.continuation.curve.branch import Branch
 from contbreather.errors import BadInput
 from contbreather.explorer.jobs import Computation, Job, JobThread, OnLattice, Progress, arguments
-from contbreather.explorer.state import Chosen, PageState, point_of, small
+from contbreather.explorer.state import Chosen, PageState, point_of, result_leaves, small
 from contbreather.files import writable
 from contbreather.lattice.chain import Ring
 from contbreather.lattice.formula import as_formula, forcing_of
@@ -30,6 +31,7 @@ from contbreather.plotting.runs import plot_motion
 from contbreather.plotting.zones import plot_zones
 from contbreather.progress import PATIENCE
 from contbreather.runs import load, save
+from contbreather.simulation.simulate import SimulationRun
 
 Listener = Callable[[PageState], object]
 Plane = tuple[str, float, str, str]  # what is fixed, at which value; forcing; what it is of
@@ -55,6 +57,9 @@ class Session:
         if run is not None:
             self._take("run", (f"{{}} = cb.load({str(run)!r})",), load(run))
         for branch in curves:
+            for _, part in result_leaves("", branch):
+                kinds = Branch, Zones, SimulationRun
+                check_kind(part, kinds, "a branch", "a file is given by its name, run=")
             self._take("given", ("{} = ...  # the curve that the explorer was given",), branch)
 
     def listen(self, listener: Listener) -> Callable[[], None]:

@@ -348,6 +348,8 @@ def test_what_cannot_be_is_refused_with_a_sentence() -> None:
     explorer.choose_at(a=0.5, gamma=0.08)
     with pytest.raises(BadInput, match="choose one of the labelled points"):
         jobs.switched(explorer.chosen)
+    with pytest.raises(BadInput, match="a branch was expected, got a str; a file is given"):
+        Explorer("run.nc")
     with pytest.raises(BadInput, match="0 <= k <= 1"):
         Explorer(k=2.0)
 
