@@ -56,6 +56,11 @@ class Session:
         self._count = 0
         if run is not None:
             self._take("run", (f"{{}} = cb.load({str(run)!r})",), load(run))
+            if not (self.state.curves or self.state.run or self.state.plane):
+                self.message = (
+                    f"{run} has nothing that is drawn here: no curves, no zones, and no run "
+                    "between rigid walls with a record of sites, simulate(..., sample=...)."
+                )
         for branch in curves:
             for _, part in result_leaves("", branch):
                 kinds = Branch, Zones, SimulationRun

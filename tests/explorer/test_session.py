@@ -99,6 +99,15 @@ def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) 
     np.testing.assert_array_equal(eval(code, made)["a"], branch["a"])
 
 
+def test_a_file_of_which_nothing_is_drawn_says_so(tmp_path: Path) -> None:
+    start = cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(6))
+    cb.save(tmp_path / "run.nc", cb.simulate(start, periods=2))
+    assert "no run between rigid walls with a record" in Explorer(run=tmp_path / "run.nc").message
+    sample = cb.simulation.Sample((0,), 8)
+    cb.save(tmp_path / "run.nc", cb.simulate(start, periods=2, sample=sample))
+    assert Explorer(run=tmp_path / "run.nc").message == ""
+
+
 def test_stopped_work_keeps_what_is_done_and_says_so() -> None:
     explorer = Explorer()
     explorer.choose_at(a=0.5, gamma=0.08)
