@@ -109,7 +109,9 @@ class Session:
         # at another frequency, or of another lattice, `zones` says what is too large
         wide = name == "gamma" and self.state.zones_of
         now = name, parameter(name, value, **({"high": HEAVIEST} if wide else {}))
-        self.message = ""
+        # not as a page opens, with what is to be said of its file
+        if self.state.plane or (now, forcing) != (self.state.fixed, self.state.forcing):
+            self.message = ""
         with self._changing:  # what arrives meanwhile is not taken for what is wanted now
             self.drawing = ""  # of another one
             self.change(fixed=now, forcing=forcing)

@@ -102,7 +102,9 @@ def test_what_was_saved_begins_the_next_session(told: Explorer, tmp_path: Path) 
 def test_a_file_of_which_nothing_is_drawn_says_so(tmp_path: Path) -> None:
     start = cb.symmetric(0.2, 0.04, 0.8, lattice=cb.Ring(6))
     cb.save(tmp_path / "run.nc", cb.simulate(start, periods=2))
-    assert "no run between rigid walls with a record" in Explorer(run=tmp_path / "run.nc").message
+    explorer = Explorer(run=tmp_path / "run.nc")
+    explorer.look_at(explorer.state.fixed[1])  # as a page does when it is opened
+    assert "no run between rigid walls with a record" in explorer.message
     sample = cb.simulation.Sample((0,), 8)
     cb.save(tmp_path / "run.nc", cb.simulate(start, periods=2, sample=sample))
     assert Explorer(run=tmp_path / "run.nc").message == ""
