@@ -63,12 +63,14 @@ def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 
-def _contacts(i: int, short: float | None, curve: Curve, z: Array) -> Array:
-    """Measure a contact beyond none: its duration, or the velocity of an impact."""
+def _contacts(i: int, least: float | None, curve: Curve, z: Array) -> Array:
+    """Measure a contact beyond none: its share of the orbit, whose period changes along an arm, or
+    the velocity of an impact."""
     equations, x = curve.problem.residual, z[: curve.size]
-    if short is None:
+    if least is None:
         return np.array([paces(equations, x, curve.params(z))[i][0]])
-    return z[equations.layout.lengths[[i]]] - short
+    lengths = z[equations.layout.lengths]
+    return lengths[[i]] - least * lengths.sum()
 
 
 def _height(wall: Any, i: int, part: float, curve: Curve, z: Array, sign: float = 1.0) -> Array:
@@ -117,7 +119,8 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     flows, flights, turns = unturned(flows, flights)
     hit, walls = _hit(point, flows, flights[0])
     slides = slid_along(flows[0])
-    short = (LEAVES if slides else SHORTEST) * orbit.period if hit[1:] else 0.0
+    least = (LEAVES if slides else SHORTEST) if hit[1:] else None
+    short = (least or 0.0) * orbit.period
     # where it is touched: sliding lasts up to there; after sliding the surface is left as
     # t^2 (3 s - 2 t), with the field out of it up to t = s
     part = 1 / 3 if slides else 1 if any(map(slid_along, hit)) else 1 / 2
@@ -133,7 +136,7 @@ def beyond_contact(point: Point) -> SwitchingProblem:
     made = _made_of(equations, turns, p, parts, pieces)
     made = made if more else once(made, made.start, p)
     part = detail["touch"] if more else (touch - start) / made.start[0].duration % 1
-    lasts = partial(_contacts, len(hit) - 1 if more else flow, short or None)
+    lasts = partial(_contacts, len(hit) - 1 if more else flow, least)
     wall, near = hit[0].until, short / made.start[0].duration
     height = partial(_height, wall, flow, part) if more else partial(_lowest, wall, part, near)
     row, weight = (made.layout.lengths[1] if more and short else -1), 1.0
@@ -173,7 +176,7 @@ def _at_edge(point: Point) -> SwitchingProblem:
     arrives, follows = (i if more else i - 1), [*flows[1:], flows[0]]
     system, comes = system_of(flows[arrives]), flow_between(flows[i], follows[i]) or flows[i]
     assert system
-    least, sign = (0.0, -1.0) if slid_along(comes) else (short, 1.0)
+    least, sign = (0.0, -1.0) if slid_along(comes) else (SHORTEST, 1.0)
     parts: list[Flow] = []
     pieces: list[TrajectorySegment] = []
     for j, (flow, flight, after) in enumerate(zip(flows, flights, follows, strict=True)):
@@ -187,7 +190,8 @@ def _at_edge(point: Point) -> SwitchingProblem:
             edge = values(system.facing(flow), flight.last, flight.end[:, None], p)[0, 0]
             if abs(edge) < 1e-6 * orbit.paces[j][0]:
                 parts.append(new)
-                pieces += _refitted([flight], [flight.last, flight.last + least])
+                last = flight.last + least * orbit.period
+                pieces += _refitted([flight], [flight.last, last])
     made = _made_of(equations, turns, p, parts, pieces)
     lasts = partial(_contacts, place if more else i, least)
     facing = partial(_height, system.facing(flows[arrives]), i if more else place, 1.0, sign=sign)

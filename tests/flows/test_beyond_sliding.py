@@ -216,6 +216,17 @@ def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
     check(back, mass, ["below", *slips, "sticks down"])
 
 
+def test_an_arm_beyond_the_edge_of_sliding_goes_on_where_its_period_grows() -> None:
+    def field(sign: int) -> Any:
+        push = lambda s, p: 1.1 * np.cos(s) + 0.06 * p["T"] * np.cos(6 * s) + 0.02  # noqa: E731
+        return lambda t, x, p: [push(TAU * t / p["T"], p) - sign + 0 * x[0]]
+
+    mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
+    orbit = cb.cycle(mass, {"v": 0.3}, {"T": 6.0}, period=lambda p: p["T"], settle=25)
+    _, leaving = across(orbit, "T", "GR", {"T": (6.0, 8.0)}, events=())
+    assert leaving[-1]["T"] == 8.0
+
+
 def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason() -> None:
     touched = cb.trace(rocked(0.0)[1], "B", within={"B": (0.36, 0.5)}, events=()).first("GR")
     with pytest.raises(cb.BadInput, match="walls are touched at once"):
