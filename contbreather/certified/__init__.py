@@ -13,7 +13,6 @@ from contbreather.continuation.curve.point import Point
 from contbreather.continuation.curve.problem import TiedProblem
 from contbreather.continuation.systems.defining_systems import event_of
 from contbreather.errors import BadInput
-from contbreather.orbits.orbit_problem import OrbitProblem
 
 __all__ = ["Certificate", "Covering", "Interval", "Tile", "certify"]
 
@@ -77,7 +76,7 @@ def certify(what: Any, *, within: float = 1e-8) -> Certificate | Covering:
 
 
 def _refuse_tied(problem: Any) -> None:
-    if isinstance(problem, TiedProblem) and not isinstance(problem, OrbitProblem):
+    if type(problem) is TiedProblem:  # not one of orbits, whose drive is tied to omega
         raise BadInput(
             "certify() proves breathers in parameters of their own, not in tied ones: take the "
             "breather of a point, branch[3].solution."
