@@ -196,8 +196,8 @@ COUNTED = "unstable arclength residual"
 IMPLIED = "t1 t2 c asymmetry"  # of what is symmetric
 POINT = "kind label located arclength residual"
 NORMAL_FORM = "criticality coefficient power"
-LEFT = "a gamma k damping m noise lattice sites walls periods stop final.t final.u final.v verdict.kind"
-LEFT += " verdict.motion"
+LEFT = "a gamma k damping m noise lattice sites walls periods stop final.t final.u final.v"
+LEFT += " verdict.kind verdict.motion"
 
 
 def under(place: str, names: str) -> str:
