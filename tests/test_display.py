@@ -341,6 +341,8 @@ def test_an_orbit_is_drawn_between_its_walls_with_its_impacts_on_them(values) ->
     for dot in dots:
         at = orbit.displacement(0, 2 * np.pi * dot.get_xdata()[0])
         assert at == pytest.approx(dot.get_ydata()[0])
+    looks = [(line.get_color(), line.get_linestyle()) for line in ax.get_lines()[:2]]
+    assert looks == [*zip(CYCLE[:2], DASHES[:2], strict=True)]  # told apart in grey, too
     walls = [line for line in ax.get_lines() if line.get_color() == GREY and line not in dots]
     assert {line.get_ydata()[0] for line in walls} == {-1.0, 1.0}
     assert plot_orbit(values["Point"], ax=ax).axes is ax

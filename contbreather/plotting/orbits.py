@@ -94,9 +94,9 @@ def plot_orbit(
     chosen = default if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with canvas.drawing(ax) as (drawn, axes):
-        for alike, u in _motions(whole, chosen, t):
+        for i, (alike, u) in enumerate(_motions(whole, chosen, t)):
             label = ", ".join(f"$u_{{{n}}}$" for n in alike)
-            axes.plot(t / (2 * math.pi), u, label=label)
+            axes.plot(t / (2 * math.pi), u, DASHES[i % len(DASHES)], label=label)
         for _, time, wall in impacts_of(whole, chosen):
             canvas.to_the_rim(axes.plot(time, wall, "o", color=GREY, markersize=4, zorder=3))
         # others may stand farther off
@@ -310,8 +310,7 @@ def draw_states(
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
         for i, name in enumerate(chosen):
             panel = panel_of[name]
-            around, i = divmod(i, len(CYCLE))
-            colour, dashes = CYCLE[i], DASHES[around % len(DASHES)]
+            colour, dashes = CYCLE[i % len(CYCLE)], DASHES[i % len(DASHES)]
             lines = [(piece[x], piece[name]) for piece in pieces]
             for j, line in enumerate(lines):
                 panel.plot(*line, dashes, color=colour, label=None if j else canvas.symbol(name))
