@@ -173,6 +173,8 @@ def test_in_axes_of_the_caller_zones_are_explained_inside_unless_refused(diagram
     assert found is ax
     assert (ax.get_legend() is not None) == legend
     assert figure.legends == []
+    with pytest.raises(BadInput, match="these axes have a zone diagram, whose regions another"):
+        plots.plot_zones(diagram, ax)
     if legend:
         words = [text.get_text() for text in ax.get_legend().get_texts()]
         kinds = [kind for kind in ("LP", "GR", "PF", "NS") if diagram.curves[kind]]
