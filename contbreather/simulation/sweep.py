@@ -107,8 +107,11 @@ class Sweep(Columns, HtmlRepr):
         return float(self.value[gone[0]]) if gone.size else math.nan
 
     def __repr__(self) -> str:
+        first, last = self.value[[0, -1]]
+        turn = self.value[np.abs(self.value - first).argmax()]
+        way = f" by way of {turn:g}" * bool(turn != last)
         return (
-            f"<Sweep in {self.name} from {self.value[0]:g} to {self.value[-1]:g}: "
+            f"<Sweep in {self.name} from {first:g}{way} to {last:g}: "
             f"{len(self.value)} values; {self.stop.value}>"
         )
 

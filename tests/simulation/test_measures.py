@@ -144,6 +144,8 @@ def test_columns_of_a_sweep_are_those_of_the_breather_it_follows() -> None:
     )
     assert seen.name == "a"
     assert repr(seen) == "<Sweep in a from 0.2 to 0.2: 2 values; went through all its periods>"
+    back = replace(seen, value=np.array([0.2, 0.05, 0.2]))
+    assert "in a from 0.2 by way of 0.05 to 0.2: 3 values" in repr(back)
     assert seen.p == pytest.approx([b.p, b.p], abs=1e-9)
     assert seen.tilt == pytest.approx([0.0, 0.0], abs=1e-9)
     assert (seen.impacts.tolist(), seen.others.tolist()) == ([2.0, 2.0], [0.0, 0.0])
