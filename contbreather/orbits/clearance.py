@@ -197,8 +197,9 @@ def of_flights(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     for i in range(orbit.section.count):
         row = measured.rows[i].tolist()
         # an impact is named by its own time, not by one that is it but for rounding
-        at_next = row[WHEN] == row[LENGTH]
-        time = impacts[int(row[NEXT])].time if at_next else impacts[i].time + row[WHEN]
+        time = impacts[int(row[NEXT]) if row[WHEN] == row[LENGTH] else i].time
+        if 0.0 < row[WHEN] < row[LENGTH]:
+            time = _in_period(orbit, time + row[WHEN])
         gaps.append(Clearance(row[MARGIN], impacts[i].site, time, i))
     for i, j in orbit.section.repeats:
         early, late = impacts[i], impacts[j]
@@ -213,10 +214,15 @@ def of_idle(orbit: SiteMotion, measured: Measured) -> list[Clearance]:
     rows = measured.rows[orbit.section.count : -2, : WHEN + 1].tolist()
     named = zip(measured.sites, rows, strict=True)
     return [
-        Clearance(margin, site, orbit.start + when % orbit.period)
+        Clearance(margin, site, _in_period(orbit, orbit.start + when % orbit.period))
         for site, (margin, when) in named
         if margin < math.inf
     ]
+
+
+def _in_period(orbit: SiteMotion, time: float) -> float:
+    """Time after the first impact, less a period where it is beyond its end."""
+    return time - orbit.period if time >= orbit.period else time
 
 
 def smallest_margins(of: Sequence[Clearance]) -> Clearance:
@@ -242,8 +248,9 @@ def closest(orbit: SiteMotion) -> Clearance:
 def neighbour_peak(orbit: Any, n: int = 1) -> tuple[float, float]:
     """When and how high a site that must not impact climbs: ``(t, max over t of |u_n|)``.
 
-    The time is within a period of the first impact; of a symmetric orbit the one of the two at
-    which u_n is positive, so that grazing is ``u_n(t) = 1, u_n'(t) = 0``; both hold to rounding.
+    The time is within a period of the first impact, and below the period; of a symmetric orbit the
+    one of the two at which u_n is positive, so that grazing is ``u_n(t) = 1, u_n'(t) = 0``; both
+    hold to rounding.
 
     Raises
     ------

@@ -315,6 +315,15 @@ def test_the_infinite_chain_has_orbits_of_even_harmonics(sign: int) -> None:
     assert branches[0][-1].solution.residual < 1e-11
 
 
+def test_times_of_what_is_closest_to_its_limit_are_those_of_the_period() -> None:
+    found = cb.orbits.find_symmetric(
+        "a", (0.3, 0.3), gamma=0.05, k=0.8, forcing="cos(t)+.3*cos(2*t)"
+    )
+    site, time = found.admissibility().places["neighbours"]
+    assert 0.0 < time < 2 * math.pi
+    assert found.velocity(site, time) == pytest.approx(0.0, abs=1e-12)
+
+
 # --- refusals -------------------------------------------------------------------------------------
 
 LOPSIDED = Fourier(cos={0: 0.1, 1: -1.0, 2: 0.0}, sin={4: 0.1})
