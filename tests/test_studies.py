@@ -138,9 +138,8 @@ def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
 
 
 REFUSED = {  # a study, the part that fails, and the library's sentence
-    "window = [0.9, 0.5]": ("b", "the window of 'a' is empty: (0.9, 0.5)"),
+    "window = [1.5, 2]": ("b", "no breather with gamma = 0, k = 0.8"),
     "[zones.y]\nk = [1.0]": ("y", "k = 1: zones need 0 < k < 1"),
-    "[zones.y]\nk = 0.8\nwithin = {k = [0, 1]}": ("y", "no window for 'k': the plane is that of"),
     "[chain]\ndamping = 0.1": ("b", "on the infinite chain"),
     "[chain]\nlattice = 'open:6'\nsite = 7": ("b", "impact (7, 1): no such site on the open chain"),
     "[chain]\nlattice = 'ring:6'\nthreshold = 0.5": ("b", "threshold = 0.5"),
@@ -391,6 +390,9 @@ RING = "[chain]\nlattice = 'ring:6'\n"
         ("[zones.z]\nk = {from = 0.3, to = 0.9}", "from, to and count were expected"),
         ("[zones.z]\nk = 'high'", "finite real numbers were expected"),
         ("[zones.z]\nk = [0.8, 0.80]", "line 2, zones.z.k: [0.8, 0.8]: at least one number was"),
+        (ONE + "window = [0.9, 0.1]", "line 5, branch.b.window: low < high was expected, got [0.9"),
+        (ZONES + "within = {a = [nan, inf]}", "within.a: low < high was expected, got [nan, inf]"),
+        (ATLAS + "within = {k = [0, 1]}", "line 3, atlas.z.within.k: the plane is that of gamma"),
         (ONE + "window = [false, true]", "window.0: Input should be a valid number, got False"),
         (ONE + f"window = [0, 1{'0' * 400}]", "b.window.1: "),
         (ONE + ARMS.format("b/k=x"), "NAME/gamma=0.02/arm1 was expected"),

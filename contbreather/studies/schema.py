@@ -101,6 +101,13 @@ def _in_range(typed: Any, info: ValidationInfo) -> Any:
     return typed
 
 
+def _window(ends: list[float]) -> list[float]:
+    low, high = ends
+    if not low < high:
+        raise ValueError(f"low < high was expected, got [{low:g}, {high:g}]")
+    return ends
+
+
 def _name(typed: str) -> str:
     if not re.fullmatch(r"[\w-]+", typed):
         raise ValueError("a name of letters, digits, - and _ was expected")
@@ -111,7 +118,7 @@ Name = Annotated[str, AfterValidator(_name)]
 Source = Annotated[Part, PlainValidator(_part)]
 Values = Annotated[list[float], PlainValidator(_values)]
 Ranged = Annotated[list[float], PlainValidator(_values), AfterValidator(_in_range)]
-Window = Annotated[list[float], Field(min_length=2, max_length=2)]
+Window = Annotated[list[float], Field(min_length=2, max_length=2), AfterValidator(_window)]
 Loss = Annotated[float | list[float], PlainValidator(_losses), AfterValidator(_in_range)]
 
 
@@ -425,7 +432,7 @@ def _of_couplings(study: Study) -> Iterator[Fault]:
 
 
 def _of_parameters(study: Study) -> Iterator[Fault]:
-    """Refuse parameters that chain and drive do not have."""
+    """Refuse parameters that chain and drive, or the plane of a diagram, do not have."""
     drive = study.chain.drive
     named = [(("branch", name, "free"), [table.free]) for name, table in study.branch.items()]
     named += [(("boundary", name, "pair"), table.pair) for name, table in study.boundary.items()]
@@ -441,6 +448,11 @@ def _of_parameters(study: Study) -> Iterator[Fault]:
                 drive.at(**{letter: drive.params.get(letter, 0.0) for letter in table.over})
             except BadInput as error:
                 yield (kind, name, "over"), str(error)
+    for kind in ("zones", "atlas"):
+        for name, table in getattr(study, kind).items():
+            plane = PAIRS[next(iter(table.given))]
+            for other in table.within.keys() - {*plane}:
+                yield (kind, name, "within", other), f"the plane is that of {' and '.join(plane)}"
 
 
 def _of_references(study: Study, kinds: Mapping[str, str]) -> Iterator[Fault]:
