@@ -19,6 +19,7 @@ import contbreather.simulation as sim
 from contbreather.continuation import Branch
 from contbreather.orbits.zone_diagram import Zones
 from contbreather.orbits.zones import zones
+from contbreather.plotting.canvas import DASHES
 from contbreather.plotting.runs import OUTCOMES
 
 SET = {"a": 0.2, "gamma": 0.04, "k": 0.8, "damping": 0.01}
@@ -253,6 +254,7 @@ def test_motion_has_time_in_periods_and_a_colour_for_each_name(run) -> None:
         ]
         np.testing.assert_allclose(line.get_xdata(), run.record.times / TURN, rtol=1e-14)
         np.testing.assert_array_equal(line.get_ydata(), run.record.u[:, i])
+        assert line.get_linestyle() == DASHES[i]  # told apart in grey, too
     assert ax.get_xlim() == pytest.approx((1.0, 12.95))  # no margin beyond the first and last
     hits = plots.plot_motion(run).axes.get_lines()[0]  # what hits is seen to hit
     assert {*np.round(hits.get_ydata()[abs(hits.get_ydata()) > 1 - 1e-12])} == {-1.0, 1.0}

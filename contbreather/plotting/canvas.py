@@ -209,7 +209,7 @@ def type_size(axes: Axes, name: str) -> float:
 def legend_above(axes: Any, **more: Any) -> None:
     """Draw a legend over the right end of the axes, in as few rows as fit; of very many lines the
     first."""
-    look = {"frameon": False, "handlelength": 1.3, **more}
+    look = {"frameon": False, "handlelength": 2.2, **more}
     handles, names = axes.get_legend_handles_labels()
     for columns in range(len(names), 0, -1):
         most = 4 * columns  # rows above that are as high as the axes

@@ -140,7 +140,8 @@ def plot_motion(
                 band = {"step": "post", "alpha": 0.5, "linewidth": 0.5, **look}
                 axes.fill_between(edges / PERIOD, low, high, **band)
             else:
-                axes.plot(t / PERIOD, u, "-", linewidth=1.0, **look)
+                dashes = canvas.DASHES[i % len(canvas.DASHES)]
+                axes.plot(t / PERIOD, u, dashes, linewidth=1.0, **look)
         words = f"$u_n$, range {extremes}" if last - first > LONG else "$u_n$"
         axes.set(xlabel=orbits.PERIODS, ylabel=words)
         axes.margins(x=0.0)
