@@ -203,6 +203,8 @@ def test_rows_of_a_table_are_what_their_names_say(values, without_pictures) -> N
     corner = cb.symmetric(a=0.6, gamma=0.05, k=0.7, lattice=cb.Grid(3, 3), site=1)
     highest = max(abs(corner.displacement(n, np.linspace(0, 7, 2000))).max() for n in (0, 2, 4))
     assert dict(corner.table().rows)["max |u| of its neighbours"] == pytest.approx(highest, 1e-4)
+    alone = cb.symmetric(a=0.6, gamma=0.05, k=0.7, lattice=cb.Ring(1)).table()
+    assert [name for name, _ in alone.rows] == ["a", "gamma", "k", "p", "phi", "chi"]
     words = dict(shown["Orbit"][7:])
     assert [row[1] for row in shown["Orbit"] if row[0] == "impact of site 0"] == [
         f"wall {hit.wall:+d}, t = {hit.time:.6g}, velocity {hit.before:.6g}" for hit in b.hits

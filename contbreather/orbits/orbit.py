@@ -342,7 +342,8 @@ except at its impacts. No isolated multiplier of the half map outside the unit c
             # on chain and ring those to either side of site 0 move alike
             alike = isinstance(self.lattice, InfiniteChain | Ring) and self.section.hit == (0,)
             beside = "max |u_1|" if alike else "max |u| of its neighbours"
-            rows[beside] = self.admissibility().max_neighbour
+            if self.motion.beside:  # a ring of 1 has none
+                rows[beside] = self.admissibility().max_neighbour
         else:
             for i, impact in enumerate(self.impacts, start=1):
                 rows |= {f"t{i}": impact.time, f"impulse {i}": impact.impulse}
