@@ -246,6 +246,15 @@ def test_arms_of_a_lift_set_out_whatever_the_size_of_their_unknowns(size: float)
     assert SwitchingProblem(pitchfork, "mu").arm(0.1 * size).params["mu"] == pytest.approx(0.01)
 
 
+def test_arms_leave_a_branch_along_which_the_parameter_hardly_moves() -> None:
+    """y = 1e8 mu, as of a neuron whose bursts explode: "they fold there"."""
+    steep = cb.Problem(
+        lambda x, p: np.array([x[0] * (x[1] - x[0] ** 2), x[1] - 1e8 * p["mu"]]),
+        {"x": 0.0, "y": 0.0}, {"mu": 0.0},
+    )  # fmt: skip
+    assert SwitchingProblem(steep, "mu").arm(0.1).params["mu"] == pytest.approx(1e-10)
+
+
 def test_the_arms_of_a_branch_point_are_refused_where_none_is() -> None:
     event = replace(cb.branch_point(), test=lambda point: point["mu"] - 0.3)
     point = cb.trace(zoo.PITCHFORK.problem, "mu", within=MU, events=[cb.user("mu", 0.3)]).first(

@@ -21,7 +21,7 @@ from ...errors import BadInput, NotConverged, add_partial_result
 from ...one_thread import one_thread
 from ...progress import Counter
 from ...tables import Column, HtmlRepr, Sheet
-from ..algebra.linear_algebra import least_singular
+from ..algebra.linear_algebra import LOST, least_singular
 from ..algebra.newton import OUT_OF_DOMAIN, Array, Undefined, newton
 from ..curve.branch import Branch, Stop, labelled
 from ..curve.curve import Curve
@@ -103,7 +103,7 @@ class SwitchingProblem:
             return self._oriented(plane[1], curve), None
         # c1 v1 + c2 v2 of the two null vectors with no component along the parameter; whether there
         # is one to remove they say in the scales of the unknowns, where they are unit vectors
-        if not np.linalg.norm(along) > _SINGULAR:
+        if not np.linalg.norm(along) > LOST:
             raise Undefined("the parameter changes along no curve at first: they fold there")
         return self._oriented(along[1] * plane[0] - along[0] * plane[1], curve), along @ plane
 
