@@ -421,6 +421,17 @@ def test_beyond_a_positive_event_nothing_is_returned() -> None:
     assert on_line(start=0.5, inadmissible=True).stop is Stop.BOUND
 
 
+def test_a_curve_that_would_set_out_beyond_its_own_end_is_refused_as_that() -> None:
+    """It advised `inadmissible=True`, which does not lift that end."""
+    end = Event("ODD-X", lambda point: -1.0, ends="domain")
+    own = DefiningSystem({}, lambda curve, z, extra: z[:1] - 0.3, events=(end,))
+    odd = Event("ODD", lambda point: point["x"] - 0.3, locus=lambda point: own)
+    point = zoo.trace_case(zoo.CUSP, events=[odd]).first("ODD")
+    with pytest.raises(BadInput, match=r"no curve of ODD sets out here: .* beyond ODD-X") as told:
+        cb.boundary(point, ("mu", "h"))
+    assert "inadmissible" not in str(told.value)
+
+
 def test_a_start_on_a_positive_event_goes_the_allowed_way() -> None:
     wall = Event("GR", lambda point: 0.25 - point["mu"], ends="domain")
     branch = on_line(wall, start=0.25)

@@ -23,12 +23,12 @@ from ..algebra.newton import Array, Undefined
 from ..curve.branch import Branch, Points, Stop, labelled, with_ends
 from ..curve.curve import PASSED
 from ..curve.derivative_checks import advice
-from ..curve.point import Event, Point
+from ..curve.point import CodimensionTwo, Event, Point
 from ..curve.problem import Problem, problem_in
 from ..curve.settings import Settings, Steps, Within, active_events, all_of, having
 from ..events.event_detection import Ends, find, quiet_steps, unexplained
 from ..events.step_interpolant import StepInterpolant
-from ..systems.defining_systems import stays_regular
+from ..systems.defining_systems import event_of, stays_regular
 from .checkpoint import Checkpoint, Save, checkpoint
 from .ends import QUIET, Growth, StartOnCurve, starts_on_curve
 from .stepper import EXACT, BranchPiece, StepFailed, Stepper
@@ -324,6 +324,13 @@ class ContinuationIterator:
             with np.errstate(**QUIET):
                 self.tests[i, 0] = value = event.value(start)
             if event.ends == "domain" and value < -1e-9:
+                followed = event_of(self.curve.problem)
+                if followed and not isinstance(event, CodimensionTwo):  # its own end, not a wall
+                    raise BadInput(
+                        f"no curve of {followed.kind} sets out here: it would lie beyond "
+                        f"{event.kind}, where such curves end (its test is {value:.3g}), as where "
+                        "several events come at once"
+                    )
                 raise BadInput(
                     f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
                     "positive values are admissible; start elsewhere, or lift this rule by "
