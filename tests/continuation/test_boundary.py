@@ -200,6 +200,24 @@ def test_a_user_value_traced_in_two_parameters_is_a_contour_line() -> None:
         assert np.allclose(line["h"], x**3 - x * line["mu"], rtol=0, atol=1e-10)
 
 
+def test_a_contour_line_of_many_unknowns_asks_for_its_number_along_few_of_their_ways() -> None:
+    """It was asked for along each of them."""
+    asked, n = [], 60
+
+    def height(point: cb.Point) -> float:
+        asked.append(point)
+        return float(point["x"] @ point["x"])
+
+    rests = cb.Problem(
+        lambda x, p: x**3 + p["a"] * x - p["b"] * np.arange(n), {"x": np.zeros(n)},
+        {"a": 1.0, "b": 0.0}, record={"height": height},
+    )  # fmt: skip
+    branch = cb.trace(rests, "b", within={"b": (0, 1)}, events=[cb.user("height", 300.0)])
+    line = cb.boundary(branch.first("UZ"), ("a", "b"), within={"a": (0.5, 1.0)}, events=())
+    assert line["height"] == pytest.approx(300, abs=1e-7)
+    assert len(asked) < 4 * n * len(line)  # what one derivative a point takes by each unknown
+
+
 def test_what_cannot_be_traced_is_refused_with_a_sentence(planar: cb.Branch) -> None:
     mine = cb.Event("XY", lambda point: point["x"])
     crossing = cb.trace(zoo.takens(), "b1", events=[mine], within={"b1": (-1, 1)}).first("XY")

@@ -29,8 +29,8 @@ from ..algebra.linear_algebra import (
     inverses_between,
     least_singular,
 )
-from ..algebra.newton import Array, Undefined
-from ..algebra.sparse import Dense, Matrix, above, beside, eliminated_as, is_large
+from ..algebra.newton import FEW, Array, Undefined
+from ..algebra.sparse import Dense, Matrix, above, beside, eliminated_as, is_large, scaled
 from ..curve.curve import Curve, Params
 from ..curve.point import DefiningSystem, Event, Point
 from ..curve.problem import Problem
@@ -294,9 +294,20 @@ class Extended:
         else:
             # apart: conditions that ask for derivatives of the problem at one z get those they had
             difference = partial(derivatives.differences, one_sided=True)
-            rows = difference(lambda y: locus.conditions(curve, y, extra), z, scales=curve.scales)
+            conditions, ways = partial(locus.conditions, curve), np.eye(z.size)
+            units = np.maximum(curve.scales, abs(z))
+            if z.size > FEW and locus.unfolding is None:
+                # rows of F' added to those of g change neither solutions nor determinants of both:
+                # all that counts is along the null vectors of F', where it is weakest, and the way
+                # to F = 0
+                weak = least_singular(scaled(matrix, 1 / curve.row_scales, units))
+                off = weak.rest(curve.equations(z) / curve.row_scales)
+                ways = np.vstack([weak.plane, off / (np.linalg.norm(off) or 1.0)])
+            way = np.zeros(len(ways))
+            rows = difference(lambda t: conditions(z + units * (t @ ways), extra), way)
+            rows = rows @ ways / units
             if extra.size:
-                in_extra = difference(lambda y: locus.conditions(curve, z, y), extra)
+                in_extra = difference(lambda y: conditions(z, y), extra)
                 rows = np.hstack([rows, in_extra])
         middle = np.zeros((n, extra.size))
         if locus.unfolding is not None:
