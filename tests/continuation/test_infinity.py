@@ -93,6 +93,22 @@ def test_where_it_ends_does_not_depend_on_how_many_steps_are_looked_at_at_once()
     assert (plain.stop, plain.reason, len(plain)) == (seen.stop, seen.reason, len(seen))
 
 
+class Long(Problem):
+    """A sum of unknowns that no user knows, as the period of several flows."""
+
+    internals = property(lambda self: frozenset({"durations"}))
+    totals = property(lambda self: {"period": "durations"})
+
+
+def test_where_the_parameter_has_its_window_a_period_that_grows_is_given_one() -> None:
+    """No window was named."""
+    long = Long(lambda x, p: x * p["mu"] - 1, {"durations": np.ones(2)}, {"mu": 1.0})
+    go: dict[str, Any] = {"towards": "down", "steps": Steps(most=60, largest=100.0)}
+    wanted = "period grows, and no window ends it; give one, within={'period': (low, high)}"
+    assert trace(long, "mu", within={"mu": (1e-9, 2)}, **go).reason == wanted
+    assert trace(long, "mu", within={"mu": (1e-9, 2), "period": (0, 10)}, **go).reason == ""
+
+
 def test_a_curve_along_which_a_parameter_grows_says_what_would_end_it() -> None:
     line = Problem(lambda x, p: x - 1 / (1 + p["mu"] ** 2), {"x": 1.0}, {"mu": 0.0})
     branch = trace(line, "mu", towards="up", steps=Steps(most=150))

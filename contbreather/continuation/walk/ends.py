@@ -409,7 +409,9 @@ class Growth:
         grows = self._growing(z)
         window = grows or self.tendencies[-1].name  # of the solution a parameter tells how far
         if not grows and any(b.name == window and len(b.ends) == 2 for b in self.bounds):
-            return ""
+            grows = window = self._growing_total(z, tangent, size)
+            if not window:
+                return ""
         return (
             f"{grows or 'the solution'} grows, and no window ends it; give one, "
             f"within={{{window!r}: (low, high)}}"
@@ -420,6 +422,14 @@ class Growth:
         parts = {n: float(np.dot(z[at] ** 2, self.curve.metric[at])) for n, at in slots}
         most = max(parts, key=lambda name: parts[name])
         return "" if most in self.curve.problem.internals else most
+
+    def _growing_total(self, z: Array, tangent: Array, size: float) -> str:
+        """The sum that grows with z, as a period does."""
+        for name, of in self.curve.problem.totals.items():
+            value, rate = (float(np.sum(entries[self.curve.slots[of]])) for entries in (z, tangent))
+            if rate * size > SHARE * value > 0.0:
+                return name
+        return ""
 
     def _bounded(self, z: Array, tangent: Array, size: float) -> bool:
         """Tell whether a window says how far something may go that grows with z."""
