@@ -114,10 +114,12 @@ def breather(
     scheme = collocation or WHOLE
     if chain.walls is not None or not chain.dissipative:  # it is made of two halves
         scheme = replace(scheme, intervals=max(2, -(-scheme.intervals // 2)))
-    reached = None
+    alone: Any = driven_without_coupling if chain.dissipative else half_without_coupling
+    alone = between_walls_without_coupling if chain.walls else alone
+    start, reached, few = alone(chain, code, values, scheme), None, min(scheme.points, 4)
     with suppress(NoSolution):  # on few points first: they lead there as well
-        reached = _walked(chain, code, values, replace(scheme, points=min(scheme.points, 4)))
-    reached = reached or _walked(chain, code, values, scheme)
+        reached = _walked(chain, code, start, values, replace(scheme, points=few))
+    reached = reached or _walked(chain, code, start, values, scheme)
     # once more on a mesh that follows it, of as many intervals as it needs
     flights = reached.residual.flights(reached.x, reached.params)
     finer = [flight.on(flight.knots, scheme) for flight in flights]
@@ -173,13 +175,14 @@ def _checked(chain: Oscillators, params: Mapping[str, float], omega: float) -> d
 # --- the walk in the coupling -------------------------------------------------------------------
 
 
-def _walked(chain: Oscillators, code: Any, params: Params, scheme: Collocation) -> BreatherProblem:
+def _walked(
+    chain: Oscillators, code: Any, start: Uncoupled | None, params: Params, scheme: Collocation
+) -> BreatherProblem:
     """Walk from no coupling to all of it, beyond where the order of impacts changes."""
-    alone: Any = driven_without_coupling if chain.dissipative else half_without_coupling
-    alone, omega = between_walls_without_coupling if chain.walls else alone, params["omega"]
-    start: Uncoupled | None = alone(chain, code, params, scheme)
+    omega = params["omega"]
     while start is not None:
         flows, flights, share = start
+        flights = tuple(flight.on(flight.knots, scheme) for flight in flights)
         equations, at = discretised(chain, flows, flights), {**params, SHARE: share}
         first: Any = BreatherProblem.of(equations, at, (), "")
         ends = (replace(fold(), ends="branch"),)

@@ -91,6 +91,22 @@ def test_high_needs_two_attractors_and_a_drive_a_damping() -> None:
         cb.breather(cb.Oscillators(**how), {0: "high"}, omega=1.3, params={"c": 0.1, "a": 0.1})
 
 
+def test_a_code_that_is_refused_takes_no_more_work_than_one_that_is_found() -> None:
+    """Attractors of single sites, which take longest, are looked for once."""
+    calls = [0]
+
+    def drive(t, p):
+        calls[0] += 1
+        return 0.1 * np.cos(p["omega"] * t)
+
+    chain = cb.Oscillators("u**2/2", "r**2/20", cb.Ring(3), damping=0.2, drive=drive)
+    cb.breather(chain, {0: "low"}, omega=1.3)
+    found, calls[0] = calls[0], 0
+    with pytest.raises(cb.NoSolution, match="one attractor only"):
+        cb.breather(chain, {0: "high"}, omega=1.3)
+    assert calls[0] < found
+
+
 @pytest.mark.parametrize(
     ("drive", "more", "code", "says"),
     [
