@@ -260,7 +260,8 @@ def test_a_notebook_shows_cycles_and_trajectories(ball) -> None:
         (lambda ball: plots.plot_orbit(ball, sites=(0,)), "a cycle of flows has states, y='y'"),
         (lambda ball: plots.plot_multipliers(ball, half=True), "are about lattices"),
         (lambda ball: plots.plot_orbit(cb.symmetric(0.5, 0.08, 0.8), y="v"), "choose sites="),
-        (lambda ball: plots.plot_motion(ball), "a run with densely recorded sites"),
+        (lambda ball: plots.plot_motion(ball), "got a Cycle; cb.integrate"),
+        (lambda _: plots.plot_motion(cb.Problem(field, {"x": 0.0}, {})), "got a Problem; cb.int"),
     ],
 )
 def test_what_does_not_go_together_is_refused(ball, draw, said) -> None:

@@ -115,14 +115,16 @@ def plot_motion(
         return orbits.draw_states(ax, record, x, y, within)
     if x is not None or y is not None:
         raise BadInput("x and y are states of a trajectory of flows; sites are chosen by Sample")
+    kinds, wanted = (Record, States), "a run with densely recorded sites, or its record,"
+    remedy = "cb.integrate(orbit, periods=2) runs a cycle or a breather, cb.simulate(state) a chain"
+    check_kind(record, kinds, wanted, remedy)
     run: Any = record
-    record = getattr(run, "record", run)
+    record = run.record if isinstance(run, States) else run
     if record is None:
         raise BadInput(
             "this run has its states once in a period only; simulate with "
             "sample=cb.simulation.Sample(sites=(0, 1)) to record some sites densely"
         )
-    check_kind(record, Record, "a run with densely recorded sites, or its record,")
     assert isinstance(record, Record)
     if not record.times.size:
         raise BadInput(NO_PERIOD)
