@@ -186,8 +186,11 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, bool]:
     j = int(off.argmin())
     where = "lies in" if off[j] == 0 else f"is {off[j]:.3g} off"
     name = {0: "the mean", 1: "the frequency itself"}.get(int(m[j]), f"harmonic {m[j]}")
-    edges = f"the band of small oscillations, {low:.6g} to {high:.6g}"
-    return f"{name}, {m[j] * omega:.6g}, {where} {edges}", bool(off[j] == 0 and m[j])
+    x, edges = m[j] * omega, f"the band of small oscillations, {low:.6g} to {high:.6g}"
+    if inside := bool(off[j] == 0 and m[j]):  # where it has a gap, between these
+        below, above = band[band <= x][-1], band[band >= x][0]
+        edges += f", between its frequencies {below:.6g} and {above:.6g}"
+    return f"{name}, {x:.6g}, {where} {edges}", inside
 
 
 # --- driven ones ---------------------------------------------------------------------------------
