@@ -175,13 +175,13 @@ def extrapolated(
             pairs = zip(row[-1], coarse, strict=True)
             row.append([fine + (fine - rough) / (ratio**k - 1) for fine, rough in pairs])
         off = apart(row[-1], before[-1]) if before else 0.0
-        # what changes this much from one step to its half tells nothing yet
-        far = off > 0.1
-        if before and not far and off < doubt:
+        if before and off < doubt:
             best, doubt = row[-1], off
         # an agreement to 1e-3 that gets worse was as good as rounding allows
         if doubt < agreed or (doubt < 1e-3 and off > 4 * doubt):
             break
+        # what changes this much from one step to its half tells nothing yet
+        far = off > 0.1
         before, h = [] if far else row[:3], h / (8 if far else 2)  # four orders
     if not best:
         raise Undefined("the equations have no value around the point")
