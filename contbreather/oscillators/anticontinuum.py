@@ -250,11 +250,15 @@ def attractors(chain: Oscillators, one: SingleOscillator) -> list[Cycle]:
         x = y.reshape(start.shape)
         return np.ravel(np.where(abs(x[0]) < far, field(t, x, p), 0.0))
 
-    how: Any = {"t_eval": [time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
-    ends = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y.reshape(start.shape)
+    how: Any = {"t_eval": [time - period, time], "rtol": 1e-6, "atol": 1e-6 * abs(start).max()}
+    late = solve_ivp(rates, (0.0, time), start.ravel(), "DOP853", **how).y
+    before, ends = np.moveaxis(late.reshape(*start.shape, 2), -1, 0)
+    kept = abs(ends[0]) < far
+    if settles:  # then it returns: from what is in chaos, or goes round, orbits are solved in vain
+        kept &= abs(ends - before).max(axis=0) < _ALIKE * size
     starts: list[Array] = []
     balanced = _balanced(chain, one, loss, right) if right else ends[:, :0]
-    for x in np.hstack([ends[:, abs(ends[0]) < far], balanced]).T:
+    for x in np.hstack([ends[:, kept], balanced]).T:
         if all(abs(x - other).max() > _ALIKE * size for other in starts):
             starts.append(x)
     how = {"period": period, "collocation": Collocation(6, 6), "events": ()}

@@ -174,6 +174,23 @@ def test_an_attractor_with_a_small_basin_is_found_beside_the_free_swing() -> Non
     assert high.solution.farthest == pytest.approx(2.6966, abs=1e-3)
 
 
+def test_where_nothing_settles_orbits_are_not_solved_for() -> None:
+    """These pendula go round, or are in chaos; each of their ends was tried for seconds."""
+    calls = 0
+
+    def drive(t, p):
+        nonlocal calls
+        calls += 1
+        return 0.6 * np.cos(p["omega"] * t)
+
+    chain = cb.Oscillators(
+        V="1 - cos(u)", W="c*r**2/2", lattice=cb.OpenChain(2), damping=0.1, drive=drive
+    )
+    with pytest.raises(cb.NoSolution, match="alone it has no attractor of the period"):
+        cb.breather(chain, {0: "low"}, omega=0.7, params={"c": 0.0})
+    assert calls < 8_000
+
+
 def test_of_two_wells_that_are_mirror_images_that_at_rest_is_low() -> None:
     chain = cb.Oscillators(
         V="u**2*(u + 2)**2/4", W="c*r**2/2", lattice=cb.Ring(3), damping=0.1, drive="a*cos(omega*t)"
