@@ -519,3 +519,17 @@ def test_unstable_branches_in_one_place_are_seen_to_be_dashed() -> None:
     seen = painted(plots.plot(*along, colours=["black"] * len(along)).axes)
     gaps = [min(seen(mu, 0.0)) > 0.5 for mu in np.linspace(0.2, 0.9, 500)]
     assert 0.1 < np.mean(gaps) < 0.5
+
+
+def test_a_breather_in_a_gap_is_drawn_between_the_bands_of_light_and_heavy_sites() -> None:
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(8), onsite=[1, 4] * 4)
+    start = cb.breather(chain, {0: 1}, omega=1.7, params={"c": 0.05})
+    branch = cb.trace(start, "omega", within={"omega": (1.68, 1.72)})
+    axes = plots.plot_energy(branch).axes
+    lines = [line[0, 0] for of in axes.collections for line in of.get_segments()]
+    lower, upper = np.split(chain.frequencies({"c": 0.05}), 2)
+    assert {*lower, *upper} <= {*lines}
+    assert not any(lower.max() < line < upper.min() for line in lines)
+    left, right = axes.get_xlim()
+    assert left < lower.max() < 1.68
+    assert 1.72 < upper.min() < right

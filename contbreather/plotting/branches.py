@@ -463,8 +463,8 @@ def name_of(point: Point) -> str:
 
 
 def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
-    """Energy of breathers over their frequency, with the band of small oscillations shaded, and
-    where a harmonic of the frequency lies in it.
+    """Energy of breathers over their frequency, with a thin line at each frequency of small
+    oscillations, and, paler, where a harmonic of the frequency is one.
 
     Parameters
     ----------
@@ -485,11 +485,17 @@ def plot_energy(*branches: Branch, ax: Axes | None = None) -> Drawn:
         check_kind(branch, Branch, "a branch of breathers")
     drawn = plot_branches(*branches, x="omega", y="energy", ax=ax)
     axes, point = drawn.axes, branches[0][0]
-    low, high = point.solution.chain.frequencies(point.params)[[0, -1]]
+    band = point.solution.chain.frequencies(point.params)
     left, right = axes.get_xlim()
-    left, right = min(left, 1.05 * high - 0.05 * right), max(right, 1.05 * low - 0.05 * left)
-    for m in range(1, int(high / max(left, 1e-3 * high)) + 1):
-        axes.axvspan(low / m, high / m, color=GREY, alpha=0.25 / m, linewidth=0, zorder=0)
+    below, above = band[band < right][-1:], band[band > left][:1]  # the next ones are shown
+    left = min([left, *(1.05 * below - 0.05 * right)])
+    right = max([right, *(1.05 * above - 0.05 * left)])
+    for m in range(1, int(band[-1] / max(left, 1e-3 * band[-1])) + 1):
+        # a line for each of its frequencies: a span would hide gaps, as of light and heavy sites
+        axes.vlines(
+            band / m, 0, 1, color=GREY, alpha=1 / m, linewidth=0.3, zorder=0,
+            transform=axes.get_xaxis_transform(),
+        )  # fmt: skip
     axes.set_xlim(left, right)
     return drawn
 
