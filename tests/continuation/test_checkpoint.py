@@ -229,6 +229,9 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
     assert "curve" in run
     with pytest.raises(BadInput, match=r"no 'LP9' in .*study; there are \['curve', 'inner"):
         run["LP9"]
+    for number in (0, slice(2)):
+        with pytest.raises(BadInput, match=r"results have names; .*study has \['curve', 'inner"):
+            run[number]  # type: ignore[index]
     with pytest.raises(BadInput, match=r"'EP1' is a point of several: curve, inner/two/branch1"):
         cb.Run(tmp_path / "study")["EP1"]
     assert run["inner/two/other/EP1"].arclength == run["inner/two/other"].first("EP1").arclength

@@ -111,6 +111,8 @@ class Run(HtmlRepr, Mapping[str, Any]):
 
     def __getitem__(self, key: str) -> Any:
         entries = self._entries()
+        if not isinstance(key, str):
+            raise BadInput(f"[{key!r}]: results have names; {self.path} has {list(entries)}")
         if key in entries:
             return entries[key].result
         on, _, label = key.rpartition("/")
