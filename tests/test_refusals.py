@@ -253,6 +253,10 @@ CASES += [
     (lambda: find_symmetric("a", (0, 1), k=0.8), "^a breather needs gamma, too"),
     (lambda: find_symmetric("a", 3, **HERE), "^the window of 'a' must be a pair"),
     (lambda: find_symmetric("a", (0.9, 0.1), **HERE), "^the window of 'a' is empty"),
+    (
+        lambda: cb.trace(alone(), "a", within={"gamma": (0.5, 1)}),
+        r"^the window of 'gamma' is empty: \(0\.5, 1\), outside 0 to 0\.2499$",
+    ),
     (lambda: neighbour_peak(3), "^an orbit was expected, got an int"),
     (lambda: cb.zones(k=[[1], [2, 3]]), r"^k = \[1\]: the restitution coefficient must be"),
     (lambda: InfiniteChain().chi("x"), "^gamma = 'x': the coupling must be a number"),

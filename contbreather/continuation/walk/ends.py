@@ -112,7 +112,9 @@ def bounds_of(curve: Curve, within: Within) -> list[Bound]:
         value = np.sum(value) if name in totals else value
         size = float(np.linalg.norm(value)) if np.ndim(value) else float(value)
         if not low < high:
-            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g})")
+            (low, high), (least, most) = wanted.get(name, domain), domain
+            outside = f", outside {least:g} to {most:g}" if low < high else ""
+            raise BadInput(f"the window of {name!r} is empty: ({low:g}, {high:g}){outside}")
         what = f"|{name}|" if np.ndim(value) else name
         if what != name and -math.inf < low < 0:
             raise BadInput(
