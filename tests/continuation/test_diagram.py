@@ -116,6 +116,7 @@ def test_images_are_followed_but_not_switched_on() -> None:
     mine = Problem(two_levels, {"x": 0.0, "y": 0.0}, {"mu": -0.7})
     tree = grown(knowing(mine, images=images))
     assert [birth.image_of for birth in tree.births] == [None, None, 1, None, 3]
+    assert [branch.image_of for branch in tree] == [None, None, 1, None, 3]
     assert tree.left == ()
 
 

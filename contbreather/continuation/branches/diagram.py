@@ -437,6 +437,7 @@ class _Growth:
                     fresh.append(place)
                 place = earlier or place
             places.append(place)
+        branch = replace(branch, image_of=birth.image_of)
         self._note(branches=branch, births=birth, places=tuple(places))
         # all that leaves an image is the image of what leaves the original
         for place in fresh if birth.image_of is None else ():

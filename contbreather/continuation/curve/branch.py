@@ -202,7 +202,8 @@ class Branch(Columns, HtmlRepr):
     labelled points, ``branch.first("PF")`` one of them. ``stop`` says why it ended where it does,
     ``began`` why where it starts (None where the walk set out); ``reason`` and ``began_reason`` add
     what the equations said. ``doubtful`` keeps candidates that failed their verification.
-    ``image_of`` tells of an arm of which earlier one it is the image under a symmetry.
+    ``image_of`` tells of an arm of which earlier one, and of a branch of a diagram of which earlier
+    branch, it is the image under a symmetry.
     ``settings`` is how it was asked for, ``origin`` the point that it was born from.
     """
 
