@@ -226,7 +226,9 @@ def test_folder_has_what_is_in_its_files_by_name(tmp_path: Path) -> None:
     (tmp_path / "study" / "notes.txt").write_text("not a result")
     assert list(run) == ["curve", "inner/two/branch1", "inner/two/other"]
     assert repr(run["inner/two/other"]) == repr(curve)
-    assert "curve" in run
+    assert all(key in run for key in ("curve", "EP1", "curve/EP1"))
+    assert "LP9" not in run
+    assert run.get("LP9") is None
     with pytest.raises(BadInput, match=r"no 'LP9' in .*study; there are \['curve', 'inner"):
         run["LP9"]
     for number in (0, slice(2)):

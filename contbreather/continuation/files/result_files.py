@@ -131,6 +131,15 @@ class Run(HtmlRepr, Mapping[str, Any]):
         labels = sorted({p.label for _, p in self.points() if p.kind})
         raise BadInput(f"no {key!r} in {self.path}; there are {list(entries)} and points {labels}")
 
+    def __contains__(self, key: object) -> bool:
+        """Whether there is such a result, or a special point with this label."""
+        return key in self._entries() or any(
+            key in (on, point.label, f"{on}/{point.label}") for on, point in self.points()
+        )
+
+    def get(self, key: str, default: Any = None) -> Any:
+        return self[key] if key in self else default  # noqa: SIM401 - it would call itself
+
     def place(self, name: str) -> tuple[Path, str]:
         return self._entries()[name][1:]
 
