@@ -132,7 +132,7 @@ class Run(HtmlRepr, Mapping[str, Any]):
         raise BadInput(f"no {key!r} in {self.path}; there are {list(entries)} and points {labels}")
 
     def __contains__(self, key: object) -> bool:
-        """Whether there is such a result, or a special point with this label."""
+        """Tell whether there is such a result, or a special point with this label."""
         return key in self._entries() or any(
             key in (on, point.label, f"{on}/{point.label}") for on, point in self.points()
         )
