@@ -119,7 +119,7 @@ def plot_motion(
     remedy = "cb.integrate(orbit, periods=2) runs a cycle or a breather, cb.simulate(state) a chain"
     check_kind(record, kinds, wanted, remedy)
     run: Any = record
-    record = run.record if isinstance(run, States) else run
+    record = getattr(run, "record", run)
     if record is None:
         raise BadInput(
             "this run has its states once in a period only; simulate with "

@@ -107,8 +107,8 @@ def plot_zones(
     axes: list[Any] = list(ax) if np.iterable(ax) else [ax]
     if ax is not None and len(axes) != len(several):
         raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(axes)}")
-    names = {look["label"] for look in LINES.values()}
-    if any(line.get_label() in names for panel in axes if panel for line in panel.get_lines()):
+    kinds = {look["label"] for look in LINES.values()}
+    if any(line.get_label() in kinds for panel in axes if panel for line in panel.get_lines()):
         raise BadInput(
             "these axes have a zone diagram, whose regions another one would cover: draw it into "
             "axes of its own, or curves of several, plot(*diagram.curves['NS'], ...)"
