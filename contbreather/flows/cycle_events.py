@@ -32,7 +32,7 @@ from ..continuation.curve.point import (
 )
 from ..continuation.systems import normal_forms
 from ..continuation.systems.branch_points import bordered_matrix, branch_point_test, crossing_event
-from ..continuation.systems.defining_systems import Singular, least_in_unknowns
+from ..continuation.systems.defining_systems import Singular, least_in_unknowns, linear_condition
 from .collocation import TrajectorySegment
 from .conservative_events import conservative_events
 from .cycle_beyond import LEAVES, SHORTEST
@@ -40,7 +40,7 @@ from .cycle_problem import ONE, Cycle
 from .equations import FlowEquations, equations_of
 from .flow import Clock, flow_between, plain, slid_along, system_of, value_at, value_over
 from .functions import Function, Params, slopes, values
-from .homoclinic import HOMOCLINIC, Lasting
+from .homoclinic import HOMOCLINIC
 from .integrate import bottom
 from .rotation import moves
 from .rounds import REPEATS, RETURNS
@@ -628,7 +628,7 @@ def shares(orbit: Cycle) -> Iterator[Margin]:
         tangent = flows[before].until and not moves(flows[before]) and _touches(orbit, before)
         if leaves or tangent or edge:
             least = LEAVES if leaves else 0.0 if edge and slid_along(flow) else SHORTEST
-            shrunk = Lasting(lengths, np.eye(len(flows))[i] - least, 0.0).system
+            shrunk = partial(linear_condition, lengths, np.eye(len(flows))[i] - least, 0.0)
             where = "at the edge of sliding" if edge else "at a tangency"
             said = f"flow {i} shrinks to nothing, it begins {where}"
             yield Margin(flight.duration / orbit.period - least, shrunk, said, i)
@@ -657,7 +657,8 @@ def _collisions(orbit: Cycle) -> Iterator[Margin]:
         before = flows[number]
         if len(flows) == 1 or not before.until or system_of(before) or _touches(orbit, number):
             continue
-        shrunk = Lasting(equations.layout.lengths, np.eye(len(flows))[i], 0.0).system
+        lengths = equations.layout.lengths
+        shrunk = partial(linear_condition, lengths, np.eye(len(flows))[i], 0.0)
         said = f"flow {i} ends as it begins, at t = {flight.start:.6g}"
         yield Margin(flight.duration / orbit.period, shrunk, said, i, "until")
         if isinstance(clock, Clock) and not isinstance(before.until, Clock):

@@ -25,9 +25,10 @@ from numpy.typing import NDArray
 from ..continuation.algebra.newton import Array
 from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import NOTHING, DefiningSystem, Event, Examined, Point
+from ..continuation.systems.defining_systems import linear_condition
 from .collocation import AT_REST, sizes_of
 from .cycle_problem import ONE, Cycle
-from .equations import Places, equations_of
+from .equations import equations_of
 from .flow import TurnedBack, slid_along
 from .functions import Function, slopes, values
 from .rotation import PERIODIC
@@ -38,26 +39,6 @@ _LOOKS, _MOSTLY = 400, 0.5  # or it is there for most of its time: one is about 
 _ITERATIONS, _SOLVED = 30, 1e-12
 _MOVES_STILL = 1e-3  # a parameter that moves by more while the period grows by itself is at no end
 _GROWS = "the period grows without bound"
-
-
-@dataclass(frozen=True, eq=False)
-class Lasting:
-    """The condition that durations, weighted, add up to a time."""
-
-    lengths: Places
-    weights: Array
-    total: float
-
-    def system(self, **more: Any) -> DefiningSystem:
-        return DefiningSystem({}, self.condition, self.derivative, **more)
-
-    def condition(self, curve: Any, z: Array, extra: Array) -> Array:
-        return np.array([self.weights @ z[self.lengths] - self.total])
-
-    def derivative(self, curve: Any, z: Array, extra: Array) -> Array:
-        row = np.zeros((1, z.size))
-        row[0, self.lengths] = self.weights
-        return row
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,10 +311,10 @@ def _named(orbit: Cycle, state: Array) -> str:
 def _long(point: Point) -> DefiningSystem:
     """Cycles of the period that the one has that is as good as homoclinic."""
     lengths = equations_of(base := point.base_point).layout.lengths
-    longer = Lasting(lengths, np.ones(lengths.size), float(base.z[lengths].sum()))
+    total = float(base.z[lengths].sum())
     # multipliers are 0 or without bound
     nothing = dict.fromkeys(("LP", "BP", "PF", "PD", "NS", "KC"), ())
-    return longer.system(events=(_MOVES,), meets=nothing)
+    return linear_condition(lengths, np.ones(lengths.size), total, events=(_MOVES,), meets=nothing)
 
 
 def _rests(point: Point) -> float:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from contbreather.continuation.algebra.newton import Undefined
 from contbreather.continuation.bifurcations.equilibria import fold
 from contbreather.continuation.branches.switching import SwitchingProblem
-from contbreather.continuation.curve.point import Always, DefiningSystem, Event, Point
+from contbreather.continuation.curve.point import DefiningSystem, Event, Point
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput
 from contbreather.lattice.band_averages import UniformLattice
@@ -219,7 +219,7 @@ def pitchfork_of_arms() -> Event:
 
     Nothing changes sign there but the asymmetry itself: both arms are mirror images.
     """
-    return Event("PF", _unequal, locus=Always(so_far_apart("t1", "t2", math.pi)))
+    return Event("PF", _unequal, locus=partial(so_far_apart, math.pi, "t1", "t2"))
 
 
 def symmetric_again(point: Point) -> SwitchingProblem:

@@ -8,7 +8,7 @@ last impact of a section comes at once with the first of the next one.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
@@ -21,6 +21,7 @@ from contbreather.continuation.curve.branch import Points
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.continuation.curve.ties import chained
+from contbreather.continuation.systems.defining_systems import linear_condition
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -279,21 +280,10 @@ MERGING = Event("VI", _apart, ends="branch")
 # difference beyond rounding, and a branch ends where they have ceased to be.
 
 
-def so_far_apart(early: str, late: str, wanted: float) -> DefiningSystem:
+def so_far_apart(wanted: float, early: str, late: str, point: Point) -> DefiningSystem:
     """The time between two impacts is that."""
-    names = early, late
-    return DefiningSystem({}, partial(_gap, names, wanted), partial(_gap_slope, names))
-
-
-def _gap(names: Sequence[str], wanted: float, curve: Curve, z: Array, extra: Array) -> Array:
-    early, late = (z[curve.slots[name]] for name in names)
-    return np.array([late - early - wanted])
-
-
-def _gap_slope(names: Sequence[str], curve: Curve, z: Array, extra: Array) -> Array:
-    row = np.zeros((1, z.size))
-    row[0, [curve.slots[name] for name in names]] = -1.0, 1.0
-    return row
+    times = [point.curve.slots[name] for name in (early, late)]
+    return linear_condition(times, np.array([-1.0, 1.0]), wanted)
 
 
 def _ends_of(point: Point) -> tuple[int, int]:
@@ -308,7 +298,7 @@ def _time_left(point: Point) -> float:
 
 def _caught(point: Point) -> DefiningSystem:
     first, last = (f"t{j + 1}" for j in _ends_of(point))
-    return so_far_apart(first, last, point.solution.section.length + AT_ONCE)
+    return so_far_apart(point.solution.section.length + AT_ONCE, first, last, point)
 
 
 def _which_sites(point: Point) -> dict[str, str]:

@@ -286,16 +286,6 @@ class DefiningSystem:
     walker: Callable[..., Any] | None = None
 
 
-@dataclass(frozen=True)
-class Always:
-    """The locus of an event that is the same wherever its curve sets out."""
-
-    locus: DefiningSystem
-
-    def __call__(self, point: Point) -> DefiningSystem:
-        return self.locus
-
-
 MANY = 8  # points from which on arrays take less time than a loop
 
 Value = float | int
@@ -550,6 +540,9 @@ class Level:
         above: float = point[self.name] - self.value
         return above
 
+    def locus(self, point: Point) -> DefiningSystem:
+        return DefiningSystem({}, self.conditions)
+
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self(Point(curve, z.copy()))])
 
@@ -576,8 +569,8 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
         raise BadInput(f"user({name!r}, ...): the name of an unknown or a parameter was expected")
     value = number("value", value, -1e300, 1e300, "one level")
     level = Level(name, value)
-    locus, ends = Always(DefiningSystem({}, level.conditions)), flag("terminal", terminal)
-    return Event("UZ", level, locus=locus, ends="branch" if ends else "")
+    ends = flag("terminal", terminal)
+    return Event("UZ", level, locus=level.locus, ends="branch" if ends else "")
 
 
 serialised("UZ")(user)

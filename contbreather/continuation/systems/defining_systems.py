@@ -239,6 +239,24 @@ def along_by_difference(curve: Curve, z: Array, left: Array, right: Array) -> Ar
     return np.asarray((there - behind) / (2 * step))
 
 
+def linear_condition(places: Any, weights: Array, total: float, **more: Any) -> DefiningSystem:
+    """Entries of z at these places, weighted, add up to a total: one equation and no unknown."""
+    sum_of, row = partial(_sum_less, places, weights, total), partial(_row_of, places, weights)
+    return DefiningSystem({}, sum_of, row, **more)
+
+
+def _sum_less(
+    places: Any, weights: Array, total: float, curve: Curve, z: Array, extra: Array
+) -> Array:
+    return np.array([weights @ z[places] - total])
+
+
+def _row_of(places: Any, weights: Array, curve: Curve, z: Array, extra: Array) -> Array:
+    row = np.zeros((1, z.size))
+    row[0, places] = weights
+    return row
+
+
 # --- problem and defining system together -------------------------------------------------------
 
 
