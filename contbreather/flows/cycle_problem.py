@@ -402,6 +402,7 @@ class CycleProblem(Problem):
     residual: FlowEquations
     tested = True
     retreat = property(attrgetter("residual.retreat"))
+    derivatives = property(attrgetter("residual.derivatives"))
 
     @property
     def internals(self) -> frozenset[str]:
@@ -466,9 +467,6 @@ class CycleProblem(Problem):
     def prepare(self, places: Any, names: tuple[str, ...]) -> None:
         if not self.residual.sparse:  # of which nothing is solved for
             self.residual.prepare(places, names)
-
-    def derivatives(self, x: Array, params: Params, names: tuple[str, ...]) -> Matrix:
-        return self.residual.derivatives(x, params, names)
 
     def closing(self, matrix: Matrix, mu: complex) -> Matrix:  # type: ignore[override]
         return closing_matrix(self.residual, matrix, mu)

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import pairwise
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from threading import get_ident
 from typing import Any, NamedTuple
 
@@ -195,14 +195,12 @@ def symmetric_problem(breather: Orbit, threshold: float) -> Problem:
 class SymmetricProblem(OrbitProblem):
     """The closure (11) as a problem."""
 
+    derivatives = property(attrgetter("equations.derivatives"))  # all by one evaluation
+
     @property
     def serialised(self) -> Mapping[str, Any]:
         form = {"forcing": self.equations.forcing, "lattice": self.equations.lattice}
         return {"kind": self.kind, **form, "threshold": self.threshold}
-
-    def derivatives(self, x: Array, params: Mapping[str, float], free: tuple[str, ...]) -> Array:
-        slopes: Array = self.equations.derivatives(x, params, free)  # all by one evaluation
-        return slopes
 
     def walker(self, free: tuple[str, ...], params: Mapping[str, float]) -> tuple[Any, Any] | None:
         data = self.kernel_data(free, params, held=True)

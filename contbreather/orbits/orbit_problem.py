@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -200,6 +200,10 @@ class _TiesOfDrive(Ties):
 class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
     """Orbits under a drive of any frequency, by the equations in the time of the drive."""
 
+    walker = property(attrgetter("base.walker"))
+    kernel_data = property(attrgetter("base.kernel_data"), doc="Data of kernels: these know omega.")
+    lift = property(attrgetter("base.lift"))
+
     @property
     def serialised(self) -> Mapping[str, Any]:
         form = dict(self.base.serialised or {})
@@ -216,22 +220,10 @@ class DrivenProblem(TiedProblem, OrbitProblem):  # type: ignore[override]
         ends = {n: (low * slow ** POWERS[n], high * fast ** POWERS[n]) for n, (low, high) in tied}
         return {**self.domain, **ends}
 
-    @property
-    def walker(self) -> Any:  # type: ignore[override]
-        return self.base.walker
-
-    def kernel_data(self, *given: Any, **more: Any) -> Any:
-        """Data of kernels, which know of omega."""
-        base: Any = self.base
-        return base.kernel_data(*given, **more)
-
     def derivatives(self, x: FloatArray, params: Params, free: tuple[str, ...]) -> FloatArray:
         ties: Any = self.ties
-        base: Any = self.base
+        base = self.base
         return base.along(x, ties.within(params), [ties.rates(params, name) for name in free])
-
-    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return self.base.lift(kind)
 
     def with_parameters(self, names: tuple[str, ...]) -> Problem:
         base: Any = self.base.at(**self.start, **self.ties(self.params)).having(*names)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import Any, ClassVar
 
 import numpy as np
@@ -479,12 +480,10 @@ class TiedProblem(Problem):
     """A problem whose parameters are functions of others, from `Problem.tied`."""
 
     ties: Ties = field(kw_only=True)
-
-    @property
-    def base(self) -> Problem:
-        """The problem in its own parameters."""
-        base: Problem = self.ties.base
-        return base
+    base: ClassVar[Any] = property(attrgetter("ties.base"), doc="In its own parameters.")
+    shown = property(attrgetter("base.shown"))
+    parting = property(attrgetter("base.parting"))
+    totals = property(attrgetter("base.totals"))
 
     def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
         return self.ties.derivatives(self.start, x, params, free)
@@ -504,20 +503,8 @@ class TiedProblem(Problem):
 
         return asked and interpreted
 
-    @property
-    def shown(self) -> Any:
-        return self.base.shown
-
-    @property
-    def parting(self) -> tuple[str, ...]:  # type: ignore[override]
-        return self.base.parting
-
     def images(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.images(x, self.ties(params))
-
-    @property
-    def totals(self) -> Mapping[str, str]:
-        return self.base.totals
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.base.phases(x, self.ties(params))

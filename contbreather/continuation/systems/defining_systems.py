@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -369,6 +370,9 @@ class ExtendedProblem(Problem):
     """As a problem: `residual` knows its derivatives."""
 
     residual: Extended
+    derivatives = property(attrgetter("residual.derivatives"))
+    beneath = property(attrgetter("residual.beneath"))
+    totals = property(attrgetter("residual.problem.totals"))
 
     @property
     def internals(self) -> frozenset[str]:
@@ -376,21 +380,11 @@ class ExtendedProblem(Problem):
         vectors = {name for name, value in extra if np.ndim(value)}
         return self.residual.problem.internals | vectors
 
-    def derivatives(self, x: Array, params: Params, free: tuple[str, ...]) -> Matrix:
-        return self.residual.derivatives(x, params, free)
-
     def walker(self, free: tuple[str, ...], params: Params) -> Any:
         both = self.residual
         if both.problem.walker is None or both.locus.walker is None:
             return None
         return both.locus.walker(both.problem, (both.released, *free), params)
-
-    def beneath(self, x: Array, params: Params, free: tuple[str, ...]) -> tuple[Curve, Array]:
-        return self.residual.beneath(x, params, free)
-
-    @property
-    def totals(self) -> Mapping[str, str]:
-        return self.residual.problem.totals
 
     def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
         curve, z = self.beneath(x, params, ())
