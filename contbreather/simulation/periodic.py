@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 
 from contbreather.checks import flag, whole
 from contbreather.continuation.bifurcations import maps
-from contbreather.continuation.bifurcations.maps import multiplier_matrix, with_period
-from contbreather.continuation.branches.switching import SwitchingProblem
+from contbreather.continuation.bifurcations.maps import multiplier_matrix
 from contbreather.continuation.curve.point import Event, Point, UnstableDimension
 from contbreather.continuation.curve.problem import Problem
 from contbreather.errors import BadInput, NotConverged
@@ -373,7 +372,6 @@ class MotionProblem(maps.MapCycleProblem):
 
     @property
     def breaks(self) -> str:
-        """The kind of event at which cycles of twice the period leave."""
         return "PF" if self.symmetric else "PD"
 
     @property
@@ -409,17 +407,6 @@ class MotionProblem(maps.MapCycleProblem):
 
     def over(self, rounds: int) -> Problem:
         return _dressed(super().over(rounds), self.back)
-
-    def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        def doubled(point: Point) -> SwitchingProblem:
-            twice = with_period(point.problem, 2 * self.period)
-            return SwitchingProblem(_dressed(twice, self.back), point.curve.free[0], both=False)
-
-        return doubled if kind == self.breaks else None
-
-    def simpler(self, point: Point) -> Problem | None:
-        problem = super().simpler(point)
-        return None if problem is None else _dressed(problem, self.back)
 
 
 def _events(on: Conditions | SmoothConditions, flip: str) -> tuple[Event, ...]:

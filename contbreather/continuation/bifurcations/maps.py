@@ -192,19 +192,6 @@ class MapCycle(HtmlRepr):
         return f"<{generic(self.period)} of a map, {counted(self.multipliers)}>"
 
 
-def with_period(problem: Problem, period: int) -> Problem:
-    """Write the same orbit as one of another period."""
-    iterate: Iterate = problem.residual  # type: ignore[assignment]
-    other = replace(iterate, period=period)
-    unnamed = problem.label == generic(iterate.period)
-    return replace(
-        problem,
-        residual=other,
-        jacobian=other.jacobian if callable(problem.jacobian) else problem.jacobian,
-        label=generic(period) if unnamed else problem.label,
-    )
-
-
 def multiplier_matrix(point: Point) -> Array:
     n = point.curve.size
     # F = G - x: its derivative is that of G but for 1
@@ -221,6 +208,11 @@ class MapCycleProblem(Problem):
     """Fixed points or cycles of a map."""
 
     residual: Iterate
+
+    @property
+    def breaks(self) -> str:
+        """The kind of event at which cycles of twice the period leave."""
+        return "PD"
 
     @property
     def period(self) -> int:
@@ -243,7 +235,10 @@ class MapCycleProblem(Problem):
         return MapCycle(points, multiplier_matrix(point), point.params)
 
     def over(self, rounds: int) -> Problem:
-        return with_period(self, rounds)
+        iterate = replace(self.residual, period=rounds)
+        slopes = iterate.jacobian if callable(self.jacobian) else self.jacobian
+        label = generic(rounds) if self.label == generic(self.period) else self.label
+        return replace(self, residual=iterate, jacobian=slopes, label=label)
 
     def phases(self, x: Array, params: Params) -> tuple[Array, ...]:
         return self.residual.phases(x, params)[1:]
@@ -255,11 +250,11 @@ class MapCycleProblem(Problem):
         near = 1e-7 * (1 + float(np.linalg.norm(point.x)))
         for period, x in enumerate(self.residual.phases(point.x, point.params)[1:], start=1):
             if self.period % period == 0 and np.linalg.norm(x - point.x) <= near:
-                return with_period(point.problem, period)
+                return point.problem.over(period)
         return None
 
     def lift(self, kind: str) -> Callable[[Point], SwitchingProblem] | None:
-        return _doubled if kind == "PD" else None
+        return _doubled if kind == self.breaks else None
 
     def multipliers(self, point: Point) -> tuple[NDArray[np.complex128], float]:
         matrix = iterate_less(0.0, point)
@@ -281,7 +276,7 @@ def _examine_one(plain: Event, point: Point) -> Examined:
 
 def _doubled(point: Point) -> SwitchingProblem:
     """The cycle of twice the period. Its two phases set out in opposite directions: one arm."""
-    twice = with_period(point.problem, 2 * point.curve.problem.period)
+    twice = point.problem.over(2 * point.curve.problem.period)
     return SwitchingProblem(twice, point.curve.free[0], both=False)
 
 
