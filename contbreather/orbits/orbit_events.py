@@ -34,7 +34,6 @@ from contbreather.continuation.curve.point import (
     DefiningSystem,
     Detail,
     Event,
-    EventWithRule,
     Examined,
     Many,
     Point,
@@ -408,7 +407,6 @@ class DeferredEvent(Event):
 
     test: Any = field(default=None, init=False)
     choose: Callable[[Problem], Event] = field(kw_only=True)
-    form: Mapping[str, Any] | None = field(default=None, kw_only=True)  # what files make it of
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "test", self._test)
@@ -424,10 +422,6 @@ class DeferredEvent(Event):
 
     def of(self, problem: Problem) -> Event:
         return self.choose(problem)
-
-    @property
-    def serialised(self) -> Mapping[str, Any] | None:
-        return self.form
 
 
 def _deferred(kind: str) -> Event:
@@ -544,4 +538,4 @@ def _pair_leaves(threshold: float, every: bool, form: Mapping[str, Any], problem
     # with the column of what is unstable by the same threshold
     ring = f"stability of a ring of {lattice.sites}, " * isinstance(map, RingHalfMap)
     about, record = f"{ring}threshold {threshold:g}", {"unstable": unstable_by(threshold)}
-    return EventWithRule.of_event(event, record=record, about=about, form=form)
+    return replace(event, record=record, about=about, form=form)

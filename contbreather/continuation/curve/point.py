@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, fields, replace
 from functools import cached_property
-from typing import Any, Literal, Self
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -361,6 +361,12 @@ class Event:
         which says so of one place; else that is doubtful.
     turns : bool
         Whether the test is the pace of the free parameter: nothing happens where that stays.
+    form : dict, optional
+        Its serialised form, as of a `Problem`, where its kind alone does not tell enough.
+    record : dict
+        Columns in place of those of the problem, by a rule of its own for who counts as unstable.
+    about : str
+        What these columns are about, shown with the label of the problem.
 
     Examples
     --------
@@ -378,6 +384,9 @@ class Event:
     ends: Literal["", "branch", "domain"] = ""
     may_jump: bool | Callable[[Point], bool] = False
     turns: bool = False
+    form: Mapping[str, Any] | None = field(default=None, hash=False)
+    record: Mapping[str, Callable[[Point], float]] = field(default_factory=dict, hash=False)
+    about: str = ""
 
     def __post_init__(self) -> None:
         if self.ends not in ("", "branch", "domain"):
@@ -395,8 +404,8 @@ class Event:
 
     @property
     def serialised(self) -> Mapping[str, Any] | None:
-        """Serialised form, as of a `Problem`, where its kind alone does not tell enough."""
-        return self.test.serialised(self.ends) if isinstance(self.test, Level) else None
+        """Serialised form, None where files know the event by its kind."""
+        return self.form
 
     @property
     def look(self) -> Look:
@@ -500,24 +509,6 @@ class Implied:
 
 
 @dataclass(frozen=True, repr=False)
-class EventWithRule(Event):
-    """An event with a rule of its own for who counts as unstable, and its columns."""
-
-    _: KW_ONLY
-    record: Mapping[str, Callable[[Point], float]]  # in place of those of the problem
-    about: str  # what these columns are about, shown with the label of the problem
-    form: Mapping[str, Any]  # serialised
-
-    @property
-    def serialised(self) -> Mapping[str, Any]:
-        return self.form
-
-    @classmethod
-    def of_event(cls, event: Event, **rule: Any) -> Self:
-        return cls(**{same.name: getattr(event, same.name) for same in fields(Event)}, **rule)
-
-
-@dataclass(frozen=True, repr=False)
 class CodimensionTwo(Event):
     """An event on a boundary; `base` is that of the base problem that happens there too,
     so that a meeting can be the start of either curve."""
@@ -546,9 +537,6 @@ class Level:
     def conditions(self, curve: Curve, z: Array, extra: Array) -> Array:
         return np.array([self(Point(curve, z.copy()))])
 
-    def serialised(self, ends: str) -> Mapping[str, Any]:
-        return {"kind": "UZ", **vars(self), "terminal": ends == "branch"}
-
     def __str__(self) -> str:
         return f"{self.name} = {self.value:.12g}"
 
@@ -570,7 +558,8 @@ def user(name: str, value: float, *, terminal: bool = False) -> Event:
     value = number("value", value, -1e300, 1e300, "one level")
     level = Level(name, value)
     ends = flag("terminal", terminal)
-    return Event("UZ", level, locus=level.locus, ends="branch" if ends else "")
+    form = {"kind": "UZ", "name": name, "value": value, "terminal": ends}
+    return Event("UZ", level, locus=level.locus, ends="branch" if ends else "", form=form)
 
 
 serialised("UZ")(user)

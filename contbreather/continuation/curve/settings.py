@@ -11,7 +11,7 @@ from typing import Self
 
 from ...checks import brief, flag, real
 from ...errors import BadInput
-from .point import Event, EventWithRule, Point
+from .point import Event, Point
 from .problem import Problem
 
 Within = Mapping[str, tuple[float, float]]
@@ -157,7 +157,7 @@ def active_events(
     asked = tuple({id(e): e for e in (event.of(problem) for event in events or ())}.values())
     problem = _lifted(problem) if inadmissible else problem
     for event in asked:
-        if isinstance(event, EventWithRule):
+        if event.record:
             # what its columns are about stands in the label
             plain = problem.label.removesuffix(_LIFTED)
             about = f" ({event.about})" if event.about else ""
