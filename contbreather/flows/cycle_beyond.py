@@ -332,7 +332,8 @@ def _stays(hit: Sequence[Flow], flight: TrajectorySegment, part: float, point: P
             return False
     for reset in filter(None, (flow.reset for flow in hit)):
         after = values(reset, touched, after, point.params)
-    size = abs(flight.states).max(axis=0)  # of the motion: at a wall at 0 the state itself has none
+    # of the motion: at a wall at 0 the state itself has none, nor has what rests until it is hit
+    (size,) = sizes_of([flight], equations_of(point).units)
     return after.shape == x.shape and bool((abs(after - x)[:, 0] <= 1e-6 * size).all())
 
 

@@ -278,6 +278,23 @@ def test_beyond_grazing_in_a_plane_an_impact_keeps_the_limit_cycle() -> None:
     assert vanishing["g"] == pytest.approx(hits[0]["g"], abs=1e-9)
 
 
+def test_a_mass_that_only_impacts_move_rests_beyond_the_last_one() -> None:
+    def masses(t: Any, x: Any, p: Any) -> Any:
+        return [x[2], x[3], np.cos(p["w"] * t) - x[0] - 0.1 * x[2], -1.5 * x[1] - 0.05 * x[3]]
+
+    def shared(t: Any, x: Any, p: Any) -> Any:  # of masses 1 and 2
+        mean, apart = (x[2] + 2 * x[3]) / 3, x[2] - x[3]
+        return [x[0], x[1], mean - 1.6 / 3 * apart, mean + 0.8 / 3 * apart]
+
+    hit = cb.Flow(masses, until=lambda t, x, p: 0.3 + x[1] - x[0], reset=shared)
+    start = dict.fromkeys("xyuv", 0.0)
+    orbit = cb.cycle([hit], start, {"w": 2.08}, period=period, settle=100)
+    hits = cb.trace(orbit, "w", within={"w": (2.0, 2.15)}, towards="up")
+    (alone,) = cb.switch(hits.first("VI"), within={"w": (2.0, 2.15)})
+    assert abs(amplitude(0.1, alone[0]["w"]) - 0.3) < 1e-9
+    assert abs(alone["max(y)"][1:]).max() < 1e-9
+
+
 @pytest.mark.slow
 def test_a_wall_at_the_origin_is_gone_beyond() -> None:
     """Where an impact oscillator touches a wall at 0 its state is 0, which has no size of its own:
