@@ -249,7 +249,7 @@ class _Nearest:
         once = {
             (other.flow, other.guard): other.said
             for other in others
-            if other.value < AT_ONCE and (other.guard or self.kind == "VI")
+            if other.value < AT_ONCE and (other.guard or self.kind in ("VI", "SL"))
         }
         more = {"at once": "; ".join(once.values())} if len(once) > 1 else {}
         return {"said": least.said, "flow": least.flow, **guard, **more}

@@ -187,15 +187,15 @@ def test_a_mass_that_slips_alone_is_followed_to_its_hopf_point() -> None:
     assert slips[-1]["V"] == pytest.approx(0.1 * np.log(19.62), rel=1e-8)  # damping by its slope
 
 
-def rocked(mean: float) -> tuple[cb.Filippov, Problem]:
+def rocked(mean: float, B: float = 0.36, n: int = 6) -> tuple[cb.Filippov, Problem]:
     """A mass with friction 1 that is pushed so that it slips twice a period, and nearly oftener."""
 
     def field(sign: int) -> Any:
-        push = lambda t, p: 1.1 * np.cos(t) + p["B"] * np.cos(6 * t) + mean  # noqa: E731
+        push = lambda t, p: 1.1 * np.cos(t) + p["B"] * np.cos(n * t) + mean  # noqa: E731
         return lambda t, x, p: [push(t, p) - sign + 0 * x[0]]
 
     mass = cb.Filippov(field(1), field(-1), lambda t, x, p: x[0])
-    return mass, cb.cycle(mass, {"v": 0.3}, {"B": 0.36}, period=TAU, settle=25)
+    return mass, cb.cycle(mass, {"v": 0.3}, {"B": B}, period=TAU, settle=25)
 
 
 def test_sliding_that_touches_its_edge_leaves_the_surface_beyond() -> None:
@@ -227,8 +227,10 @@ def test_an_arm_beyond_the_edge_of_sliding_goes_on_where_its_period_grows() -> N
     assert leaving[-1]["T"] == 8.0
 
 
-def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason() -> None:
-    touched = cb.trace(rocked(0.0)[1], "B", within={"B": (0.36, 0.5)}, events=()).first("GR")
+@pytest.mark.parametrize(("push", "kind"), [((0.36, 6), "GR"), ((0.35, 7), "SL")])
+def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason(push, kind) -> None:
+    orbit = rocked(0.0, *push)[1]
+    touched = cb.trace(orbit, "B", within={"B": (0.25, 0.5)}, events=()).first(kind)
     with pytest.raises(cb.BadInput, match="walls are touched at once"):
         cb.switch(touched)
 
