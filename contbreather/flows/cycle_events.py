@@ -252,7 +252,9 @@ class _Nearest:
             if other.value < AT_ONCE and (other.guard or self.kind in ("VI", "SL"))
         }
         more = {"at once": "; ".join(once.values())} if len(once) > 1 else {}
-        return {"said": least.said, "flow": least.flow, **guard, **more}
+        # where a coarse mesh has its lowest place the equations of a touch may not hold
+        touch = {**least.system().extra, **point.detail}
+        return {**touch, "said": least.said, "flow": least.flow, **guard, **more}
 
     def event(self) -> Event:
         return Event(self.kind, self, locus=self.locus, examine=self.examine, ends="domain")

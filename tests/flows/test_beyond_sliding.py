@@ -250,7 +250,7 @@ def test_an_orbit_that_has_grown_since_its_branch_began_comes_to_slide() -> None
 
 
 @pytest.mark.parametrize("intervals", [20, 40])
-def test_an_orbit_that_slides_no_more_is_followed_whatever_its_mesh(intervals: int) -> None:
+def test_an_orbit_that_slides_no_more_leads_back_whatever_its_mesh(intervals: int) -> None:
     """Without sliding, the mesh is another one, and the orbit is closest to the surface a little
     sooner or later than it touched it."""
 
@@ -267,6 +267,8 @@ def test_an_orbit_that_slides_no_more_is_followed_whatever_its_mesh(intervals: i
     lost, free = across(slides, "Y", "SL", within, events=())
     assert len(free[-1].solution.flights) == 1
     assert free[-1]["max(y)"] == pytest.approx(lost["Y"], abs=5e-6)
+    _, back = across(free[-1].problem, "Y", "GR", within, towards="down", events=())
+    assert names(back[1].solution, system) == names(cycle_of(slides), system)
 
 
 def harvested(share: float) -> Any:
