@@ -303,8 +303,9 @@ def test_a_wall_at_the_origin_is_gone_beyond() -> None:
         lambda t, x, p: [x[1], np.cos(p["w"] * t) - x[0]],
         until=lambda t, x, p: -x[0], reset=lambda t, x, p: [x[0], -0.8 * x[1]],
     )  # fmt: skip
-    start, window = {"x": -0.1, "v": 0.3}, {"w": (1.5, 8.0)}
-    three = cb.cycle([hit], start, {"w": 2.8}, period=period, settle=600)
+    # next to an orbit that is not stable: what settles there is chaos, which rounding decides
+    start, window = {"x": 0.0, "v": -0.2579}, {"w": (1.5, 8.0)}
+    three = cb.cycle([hit], start, {"w": 2.8}, period=period, t0=0.0971)
     branch = cb.trace(three, "w", within=window)
     (four,) = cb.switch(branch.first("GR1"), within=window)
     assert [len(each[1].solution.durations) for each in (branch, four)] == [3, 4]
