@@ -1070,6 +1070,23 @@ def test_arms_close_where_they_come_back_to_their_branch_point_in_another_phase(
 
 
 @pytest.mark.slow
+def test_arms_close_where_their_other_phase_bends_as_they_set_out() -> None:
+    """Two oscillators of van der Pol out of phase: one of both all but stops on the arm, which
+    leads through those in phase and back."""
+
+    def pair(t, x, p):
+        (u, v), pull = (x[:2], x[2:]), p["k"] * np.array([x[1] - x[0], x[0] - x[1]])
+        return np.concatenate([v, 0.5 * (1 - u**2) * v - u + pull])
+
+    against = cb.cycle(pair, {"u": [2.0, -2.0], "v": [0.0, 0.0]}, {"k": 0.3}, settle=30)
+    first = cb.trace(against, "k", within={"k": (-0.1, 0.3)}).first("BP")
+    (arm,) = cb.switch(first, within={"k": (-0.3, 2)})
+    assert arm.stop is cb.continuation.Stop.CLOSED
+    folds = sorted(at["k"] for at in arm.special if at.kind == "LP")
+    assert folds == pytest.approx(2 * [-0.158025] + 2 * [0.189245], abs=1e-6)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(("order", "a"), [(1, 0.3), (2, 3.0)])
 def test_along_mathieu_s_tongues_without_damping_nothing_happens(order: int, a: float) -> None:
     """A pendulum on a shaken pivot, at rest: volumes are kept, so that along the whole edge of a

@@ -188,15 +188,17 @@ class Stepper:
             known = curve.problem.phases(z[: curve.size], curve.params(z))
             return [np.append(x, z[curve.size :]) for x in known]
 
-        here, later = list[Array](), list[Array]()
+        here, sides = list[Array](), list[list[Array]]()
+        step = self.steps.first * self.outwards
         with suppress(*OUT_OF_DOMAIN):
-            here, later = phases(home.z), phases(home.z + self.steps.first * self.outwards)
-        for z in here if later else ():
+            here, sides = phases(home.z), [phases(home.z + step), phases(home.z - step)]
+        for z in here if all(sides) else ():
             with suppress(StepFailed, *OUT_OF_DOMAIN):
                 # the same one is the nearest: rounding may tell one more, or another order
-                gaps = [y - curve.turned(z, y) for y in later]
-                gap = min(gaps, key=curve.length)
-                tangent = along = curve.normalised(gap)
+                gaps = ([y - curve.turned(z, y) for y in side] for side in sides)
+                later, sooner = (min(gap, key=curve.length) for gap in gaps)
+                # from both sides: phases bend away from a secant in proportion to the step
+                tangent = along = curve.normalised(later - sooner)
                 if not self.crossed:  # there Newton's iteration is singular
                     steep = abs(self.outwards[-1]) > self.steps.first
                     seen, z = z, self.correct(z, same if steep else curve.metric * along).z
