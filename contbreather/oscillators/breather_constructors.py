@@ -16,6 +16,7 @@ from scipy import sparse
 
 from ..checks import check_kind, number, whole
 from ..continuation.bifurcations.equilibria import fold
+from ..continuation.curve.branch import Stop
 from ..continuation.curve.point import Event
 from ..continuation.walk.trace import trace
 from ..errors import BadInput, NoSolution, NotConverged, partial_result
@@ -207,6 +208,8 @@ def _walked(
         return last.problem
     back = end.kind == "LP" or last[SHARE] < end[SHARE]
     turns = "it turns back" if back else "its steps shrink to nothing"
+    if branch.stop is Stop.DOMAIN:
+        turns = f"it {branch.stop.value}: {branch.reason}"
     raise CouplingEnds(
         f"{code} at omega = {omega:.6g} reaches {end[SHARE]:.4g} of the coupling that was asked "
         f"for; there {turns}. Of its harmonics {resonance(chain, omega, end.params)[0]}.",

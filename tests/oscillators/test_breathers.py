@@ -402,6 +402,16 @@ def test_sites_that_stretch_a_bond_beyond_a_pole_are_refused_at_once(W) -> None:
         cb.breather(chain, {2: 1}, omega=1.5, params={"c": 0.01})
 
 
+@pytest.mark.slow
+def test_a_walk_that_ends_where_a_force_has_no_value_says_so():
+    """Of grains the contact opens on the way: it was said that steps shrink to nothing."""
+    W, masses = "2*(1-r)**(5/2)/5 + r - 2/5", [1.0, 0.27, 1.0]
+    grains = cb.Oscillators(W=W, lattice=cb.OpenChain(3, ends="fixed"), masses=masses)
+    few = cb.Collocation(4, 4)
+    with pytest.raises(cb.NoSolution, match="reached the edge of the domain of the equations"):
+        cb.breather(grains, {1: 1}, omega=3.31, params={}, collocation=few)
+
+
 def test_what_no_formula_has_and_sites_that_are_not_there_are_refused() -> None:
     chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Grid(2, 3))
     with pytest.raises(cb.BadInput, match="params has 'bb', which is in no formula"):
