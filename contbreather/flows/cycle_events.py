@@ -198,6 +198,7 @@ _CROSSING = crossing_event(_CIRCLE.meetings("BP"))
 BRANCH_POINT = replace(
     _CROSSING,
     test=Singular(bordered_matrix, branch_point_test),
+    many=None,  # which would be the other test
     count=None,
     examine=_examine_crossing,
 )

@@ -403,7 +403,7 @@ def test_sites_that_stretch_a_bond_beyond_a_pole_are_refused_at_once(W) -> None:
 
 
 @pytest.mark.slow
-def test_a_walk_that_ends_where_a_force_has_no_value_says_so():
+def test_a_walk_that_ends_where_a_force_has_no_value_says_so() -> None:
     """Of grains the contact opens on the way: it was said that steps shrink to nothing."""
     W, masses = "2*(1-r)**(5/2)/5 + r - 2/5", [1.0, 0.27, 1.0]
     grains = cb.Oscillators(W=W, lattice=cb.OpenChain(3, ends="fixed"), masses=masses)
@@ -651,3 +651,12 @@ def test_a_breather_that_turns_where_a_force_has_no_value_has_no_multipliers() -
     beyond = touching.at(omega=5.4219).solve()[0].solution
     with pytest.raises(cb.errors.ContbreatherError, match="at rest forces have no value"):
         beyond.stability()
+
+
+def test_crossings_of_a_breather_with_few_unknowns_are_looked_for() -> None:
+    """Tests of BP of many points at once were those of equilibria: a sentence about arrays."""
+    W, few = "c*(2*(b - r)**(5/2)/5 + b**(3/2)*r)", cb.Collocation(4, 4)
+    pair = cb.Oscillators(V="u**2/2 + u**4/4", W=W, lattice=cb.OpenChain(2))
+    begin = cb.breather(pair, {0: 1}, omega=1.1, params={"c": 0.02, "b": 0.8}, collocation=few)
+    branch = cb.trace(begin, "b", within={"b": (0.1, 1.0)})
+    assert [point.kind for point in branch.special] == ["MX", "EP"]
