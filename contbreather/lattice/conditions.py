@@ -143,7 +143,8 @@ def _pair(ends: Any, name: str) -> Pair:
             "there, or a number above 0 for both."
         )
     distances = [abs(wall) for wall in pair if math.isfinite(wall)]
-    if distances and (max(distances) < NEAREST or min(distances) > FARTHEST):
+    # at 0 a wall has no size: there the drive alone says how far a site moves
+    if 0.0 < max(distances, default=0.0) < NEAREST or min(distances, default=0.0) > FARTHEST:
         raise BadInput(
             f"{name} = {ends!r}: tolerances are for walls from {NEAREST:g} to {FARTHEST:g} away; "
             "everything scales with them: measure displacements and a in a larger or smaller unit."

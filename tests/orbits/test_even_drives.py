@@ -285,6 +285,20 @@ def test_multibreathers_grow_out_of_their_odd_harmonics() -> None:
     assert [entry.exists for entry in entries] == [True] * 3
 
 
+@pytest.mark.parametrize("level", [0.0, -1.0])
+def test_a_ball_on_a_vibrating_table_is_as_in_its_closed_form(level: float) -> None:
+    """Once in a period; a table at rest is a wall at 0, from where heights are counted."""
+    k = 0.6
+    fold, flip = math.pi * (1 - k) / (1 + k), 2 * (1 + k * k) / (1 + k) ** 2
+    ball = cb.shooting(
+        {"t1": 1.0}, a=1.0, gamma=0.0, k=k, lattice=cb.Ring(1), walls=(level, None),
+        sequence=((0, -1),), forcing=cb.Fourier(cos={0: -1.0, 1: fold + 0.1}),
+    )  # fmt: skip
+    branch = cb.trace(ball, "c1", within={"c1": (0.5, 2.0)}, towards="both")
+    assert branch.first("LP")["c1"] == pytest.approx(fold, abs=1e-12)
+    assert branch.first("PD")["c1"] == pytest.approx(math.hypot(fold, flip), abs=1e-12)
+
+
 def test_an_offset_alone_brings_a_site_back_to_its_one_wall() -> None:
     """A ball on a vibrating table, of the rest of a free lattice."""
     drive = Fourier(cos={0: 1.0, 1: -0.5})
