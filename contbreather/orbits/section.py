@@ -253,14 +253,8 @@ def checked_impacts(impacts: Sequence[Any]) -> Sequenced:
 
 
 def check_possible(section: Section, on: Conditions) -> None:
-    """`BadInput` where a wall is not there, walls or drive have no half section, waves leave, or
+    """`BadInput` where walls or drive have no half section, a wall is not there, waves leave, or
     nothing brings the sites back."""
-    for site, wall in section.impacts:
-        if math.isinf(on.walls.position(site, wall)):
-            raise ImpossibleSequence(
-                f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
-                sequence=section.impacts,
-            )
     if section.symmetric:
         check_symmetric(on.forcing)
     if section.symmetric and not on.walls.symmetric:
@@ -269,6 +263,12 @@ def check_possible(section: Section, on: Conditions) -> None:
             "later: there is no half section and no pitchfork; shoot the whole period in "
             "Python, shooting(..., symmetric=False)."
         )
+    for site, wall in section.impacts:
+        if math.isinf(on.walls.position(site, wall)):
+            raise ImpossibleSequence(
+                f"impact ({site}, {wall:+d}): site {site} has no wall on that side.",
+                sequence=section.impacts,
+            )
     if on.lattice.highest_gamma <= on.gamma:
         check_gamma(on.gamma)  # says why
     check_both_walls(section, on)

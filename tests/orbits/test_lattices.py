@@ -340,8 +340,9 @@ def test_impossible_walls_are_refused() -> None:
             cb.shooting(
                 {"t1": -2.8}, lattice=cb.OpenChain(3), sequence=sequence, walls=walls, **on, **more
             )
-    with pytest.raises(cb.BadInput, match="no half section"):
-        cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=(-1, 2))
+    for walls in ((-1, 2), (-1, None), (0, None)):
+        with pytest.raises(cb.BadInput, match="no half section"):
+            cb.symmetric(0.6, 0.05, 0.8, lattice=cb.OpenChain(5), walls=walls)
 
 
 # --- from one lattice to another --------------------------------------------------------------
