@@ -60,11 +60,13 @@ def parameters(orbit: Any) -> dict[str, float]:
             f"{section.describe()}."
         )
     on: Conditions = orbit.conditions
-    if on.lattice != InfiniteChain() or on.spring or on.damping or on.walls != Walls():
+    plain = on.walls == Walls() and not (on.spring or on.damping)
+    if on.lattice != InfiniteChain() or not plain:
+        way = "take it to the chain, orbit.on(InfiniteChain())" if plain else "begin without these"
         raise BadInput(
             "certify() is about breathers of the infinite chain, without springs or damping, walls "
             f"at -1 and 1; this one is on the {on.lattice.describe()} with spring = {on.spring}, "
-            f"damping = {on.damping}: take it to the chain, orbit.on(InfiniteChain())."
+            f"damping = {on.damping}: {way}."
         )
     check_forcing(on.forcing)
     return {name: x for name, x in on.params.items() if name not in ("damping", "spring")}

@@ -246,8 +246,8 @@ def _tied() -> cb.Branch:
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        (lambda _: cb.symmetric(0.5, 0.05, 0.8).on(cb.Ring(20)), "ring of 20"),
-        (lambda _: cb.symmetric(0.5, 0.05, 0.8, spring=0.2), "spring = 0.2"),
+        (lambda _: cb.symmetric(0.5, 0.05, 0.8).on(cb.Ring(20)), "ring of 20.*: take it to"),
+        (lambda _: cb.symmetric(0.5, 0.05, 0.8, spring=0.2), "spring = 0.2.*: begin without"),
         (
             lambda _: cb.symmetric(0.5, 0.05, 0.8, forcing="-cos(t)-cos(3*t)/9"),
             "give the harmonics by Fourier",
