@@ -196,6 +196,16 @@ def test_two_panels_of_the_caller_take_one_diagram_each(diagram) -> None:
         plots.plot_zones([])
 
 
+def test_zones_are_drawn_into_axes_in_rows_and_not_two_into_one(diagram) -> None:
+    figure, axes = plots.new_figure(2)
+    found = plots.plot_zones([diagram, diagram], np.reshape(axes, (2, 1)), legend=False)
+    assert [one.axes for one in found] == axes
+    with pytest.raises(BadInput, match="2 zone diagrams need as many axes, got 1"):
+        plots.plot_zones([diagram, diagram], 2 * [figure.add_subplot()])
+    with pytest.raises(BadInput, match="matplotlib Axes to draw in were expected, got a Figure"):
+        plots.plot_zones(diagram, figure)
+
+
 def test_a_run_is_looked_at_by_the_numbers_of_its_sites(run) -> None:
     for site in (0.5, "0", None, (0,)):
         with pytest.raises(BadInput, match=r"site = .*: the number of a site was expected"):

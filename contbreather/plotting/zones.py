@@ -72,7 +72,7 @@ def plot_zones(
     ----------
     zones : Zones, or a sequence of them
         One panel each.
-    ax : matplotlib Axes, or as many as zones; optional
+    ax : matplotlib Axes, or as many as zones, in rows or not; optional
         A new figure of the width of a journal column unless given, of two columns for more than
         two panels.
     legend : bool
@@ -104,11 +104,12 @@ def plot_zones(
         check_kind(diagram, Zones, "a zone diagram", "plot draws branches")
     if not several or not all(any(diagram.curves.values()) for diagram in several):
         raise BadInput("plot_zones needs at least one zone diagram, and a curve in each")
-    axes: list[Any] = list(ax) if np.iterable(ax) else [ax]
+    given: Any = list(ax) if np.iterable(ax) else [] if ax is None else ax
+    axes = list(dict.fromkeys(Drawn(panel).axes for panel in np.ravel(given)))
     if ax is not None and len(axes) != len(several):
         raise BadInput(f"{len(several)} zone diagrams need as many axes, got {len(axes)}")
     kinds = {look["label"] for look in LINES.values()}
-    if any(line.get_label() in kinds for panel in axes if panel for line in panel.get_lines()):
+    if any(line.get_label() in kinds for panel in axes for line in panel.get_lines()):
         raise BadInput(
             "these axes have a zone diagram, whose regions another one would cover: draw it into "
             "axes of its own, or curves of several, plot(*diagram.curves['NS'], ...)"
