@@ -162,6 +162,10 @@ def test_a_sweep_is_drawn_over_its_branch(loop: Any, branch: cb.Branch) -> None:
     fork = plot(branch, y="asymmetry").axes
     plot_sweep(loop, y="tilt", ax=fork)  # which is t2 - t1 - pi, too
     assert fork.get_ylabel() == "asymmetry"
+    turning = cb.trace(cb.symmetric(0.2, 0.04, 0.8), "a", within={"a": (0.05, 0.2)})
+    panel = plot_sweep(loop, ax=plot(turning).axes).axes
+    words = [text.get_text() for text in panel.get_legend().get_texts()]
+    assert words == ["stable", "unstable", "sweep down", "sweep up"]
 
 
 # --- arrays ---------------------------------------------------------------------------------------
