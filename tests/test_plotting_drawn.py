@@ -345,7 +345,7 @@ def test_each_fate_has_the_colour_that_the_legend_says() -> None:
     }
     named = {
         sim.Outcome.RETURNED: "back at the breather",
-        sim.Outcome.OTHER: "another breather",
+        sim.Outcome.OTHER: "a breather, another or not back yet",
         sim.Outcome.SPREAD: "impacts, no breather",
         sim.Outcome.QUIET: "no impacts",
         sim.Outcome.OUTSIDE: "behind a wall",

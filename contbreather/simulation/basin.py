@@ -52,7 +52,7 @@ class Outcome(enum.IntEnum):
     OUTSIDE = 0, "behind a wall"
     QUIET = 1, "no impacts"
     SPREAD = 2, "impacts, no breather"
-    OTHER = 3, "another breather"
+    OTHER = 3, "a breather, another or not back yet"
     RETURNED = 4, "back at the breather"  # to the motion asked about
 
 
@@ -258,7 +258,7 @@ def _outcome(
         return Outcome.SPREAD, gap
     if gap < tolerance:
         return Outcome.RETURNED, gap
-    # quiet, spread, or another breather at the site, judged by the last tenth of the run
+    # quiet, spread, or a breather at the site, judged by the last tenth of the run
     late = run.since(run.periods - max(2, run.periods // 10))
     if not late.impacts.size:
         return Outcome.QUIET, gap

@@ -236,6 +236,17 @@ def test_another_breather_at_the_site_is_another_motion() -> None:
     assert set(found.outcome[:, 0].tolist()) <= {sim.Outcome.RETURNED, sim.Outcome.OTHER}
 
 
+def test_a_breather_on_its_way_back_is_not_told_to_be_another() -> None:
+    shared = {"a": 0.3, "gamma": 0.05, "k": 0.8, "damping": 0.02}
+    own = sim.periodic(cb.symmetric(a=0.3, gamma=0.05, k=0.8).state(6), symmetric=True, **shared)
+    axes = sim.Axis("u", 3, [0.5]), sim.Axis("v", 0, [own.state.v[0]])
+    early, late = (
+        sim.attraction(own.state, *axes, periods=n, executor=1, **shared) for n in (40, 300)
+    )
+    assert "1 a breather, another or not back yet" in repr(early)
+    assert "1 back at the breather" in repr(late)
+
+
 # --- runs -----------------------------------------------------------------------------------------
 
 
