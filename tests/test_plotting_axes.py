@@ -261,6 +261,13 @@ def test_a_count_that_means_nothing_all_along_is_not_computed() -> None:
     assert legend(ax) == ["stability not computed"]
 
 
+def test_a_line_too_short_to_be_seen_has_no_entry_in_the_legend() -> None:
+    """Nothing is said of stability next to VI, 4e-7 of the branch away."""
+    branch = cb.trace(cb.symmetric(0.5, 0.01, 0.4), "a", within={"a": (0.05, 1)})
+    assert np.isnan(branch["unstable"][:2]).all()
+    assert legend(plot(branch).axes) == ["stable", "unstable"]
+
+
 # --- long runs ------------------------------------------------------------------------------------
 
 

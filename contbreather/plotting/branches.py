@@ -311,9 +311,7 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
     if jumps.any():
         after = 1 + np.flatnonzero(jumps)
         return np.insert(columns[0], after, np.nan), np.insert(columns[1], after, np.nan)
-    along = branch["arclength"]
-    # a special point may sit on top of another point
-    apart = np.append(True, np.diff(along) > 1e-6 * float(np.ptp(along)))
+    along, apart = branch["arclength"], _apart(branch)
     # times and momenta of orbits are smooth; of what else is measured nobody knows
     orbits = isinstance(branch.problem, OrbitProblem) and np.isfinite(columns).all()
     solved = {x, y} <= {*branch.curve.slots}
@@ -332,6 +330,12 @@ def _curve(branch: Branch, x: str, y: str) -> tuple[Array, Array]:
         return PchipInterpolator(nodes, column[apart])(at)  # measured: keeps between its values
 
     return fit(x, columns[0]), fit(y, columns[1])
+
+
+def _apart(branch: Branch) -> NDArray[np.bool_]:
+    """Tell which points are seen apart from the one before: a special one may sit on top of it."""
+    along = branch["arclength"]
+    return np.append(True, np.diff(along) > 1e-6 * float(np.ptp(along)))
 
 
 def _jumps(branch: Branch, name: str, column: Array) -> NDArray[np.bool_]:
@@ -378,6 +382,9 @@ def _styles(branch: Branch) -> NDArray[np.str_]:
     if walls_are_lifted(branch.problem):
         beyond = np.asarray(branch[MARGIN]) < 0.0
         styles[beyond[1:] | beyond[:-1]] = BEYOND
+    seen = np.flatnonzero(_apart(branch)[1:])
+    if seen.size:  # what is too short to be seen is as what follows
+        styles = styles[seen[np.searchsorted(seen, np.arange(styles.size)).clip(max=seen.size - 1)]]
     return styles
 
 
