@@ -281,7 +281,7 @@ def _judged(run: Ran) -> dict[str, Any]:
     if run.stop is cb.simulation.RunStop.CHATTER:
         return _undecided("it ends before a period of too many impacts")
     if half < ENOUGH:
-        few = f"{_in_periods(run.length)} {'is' if run.length == '1' else 'are'} too few"
+        few = f"{run.span} {'is' if run.length == '1' else 'are'} too few"
         return _undecided(f"no verdict: {few}, give at least {2 * ENOUGH}")
     try:
         verdict: Any = judge(run.since(run.periods - half))
@@ -305,7 +305,7 @@ def _lines(summary: RunSummary) -> Iterator[object]:
     verdict, run = summary.judge(), summary.run
     m = getattr(run.conditions, "m", None)
     walls = "rigid walls" if m is None else f"smooth walls, m = {m:g}"
-    length = _in_periods(summary.periods if summary.stream else run.length)
+    length = _in_periods(summary.periods) if summary.stream else run.span
     lattice = run.conditions.lattice.describe()
     yield f"{lattice[0].upper()}{lattice[1:]}, {walls}, {length}"
     rows = list[tuple[str, str]]()

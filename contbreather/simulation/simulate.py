@@ -139,6 +139,11 @@ class States(Columns, HtmlRepr):
         """Its periods as they are told, with the fraction at its end."""
         return f"{(self.end - float(self.times[0])) / PERIOD:.10g}"
 
+    @property
+    def span(self) -> str:
+        """Its length in words."""
+        return f"{self.length} period{'s' * (self.length != '1')}"
+
     def since(self, period: int) -> Any:
         """Its whole periods from one on, as a run that begins with that one."""
         # without the fraction of a period at its end: sections are of whole ones
@@ -211,10 +216,7 @@ class SimulationRun(States):
 
     def __repr__(self) -> str:
         what = self.reason or self.stop.value
-        return (
-            f"<Run of {self.sites} sites over {self.length} periods: "
-            f"{len(self.impacts)} impacts; {what}>"
-        )
+        return f"<Run of {self.sites} sites over {self.span}: {len(self.impacts)} impacts; {what}>"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, repr=False)
@@ -223,7 +225,7 @@ class SmoothRun(States):
 
     def __repr__(self) -> str:
         return (
-            f"<SmoothRun of {self.sites} sites over {self.length} periods, "
+            f"<SmoothRun of {self.sites} sites over {self.span}, "
             f"m = {self.conditions.m:g}; {self.stop.value}>"
         )
 

@@ -268,7 +268,8 @@ def test_a_fraction_of_a_period_is_at_the_end_of_a_run_and_not_in_its_section(wa
     make = sim.simulate if walls == "rigid" else sim.simulate_smooth
     run = make(state, periods=periods, **shared, **({} if walls == "rigid" else {"m": 6}))
     assert (run.sites, run.periods) == (3, int(periods))
-    assert f" over {periods} periods" in repr(run)
+    assert (" over 1 period" if periods == 1 else f" over {periods} periods") in repr(run)
+    assert "1 periods" not in repr(run)
     assert run.end == pytest.approx(0.7 + PERIOD * periods, abs=1e-12)
     assert run.times == pytest.approx(0.7 + PERIOD * np.arange(int(periods) + 1), abs=1e-12)
     assert run.strobe.u.shape == (int(periods) + 1, 3)
