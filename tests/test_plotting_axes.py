@@ -268,6 +268,16 @@ def test_a_line_too_short_to_be_seen_has_no_entry_in_the_legend() -> None:
     assert legend(plot(branch).axes) == ["stable", "unstable"]
 
 
+def test_where_words_have_no_room_values_say_what_colours_stand_for() -> None:
+    on = {0.04: {"k": 0.8, "lattice": cb.Ring(8)}, 0.08: {"k": 0.4}}
+    branches = [
+        cb.trace(cb.symmetric(0.5, gamma, **how), "a", within={"a": (0.05, 1)})
+        for gamma, how in on.items()
+    ]
+    words = legend(plot(*branches).axes)
+    assert words[:2] == [r"$\gamma$ = 0.04, $k$ = 0.8", r"$\gamma$ = 0.08, $k$ = 0.4"]
+
+
 # --- long runs ------------------------------------------------------------------------------------
 
 

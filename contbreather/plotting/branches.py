@@ -148,13 +148,16 @@ def _draw_marker(axes: Axes, mark: Marker) -> None:
 def _fitting_legend(
     axes: Axes, pixel: float, key: dict[Any, str], styles: set[str], looks: Any, coloured: bool
 ) -> float:
-    """Draw a legend of as many groups as leave room for their words; return its share above."""
+    """Draw a legend of as many groups as leave room for their words, or for their values; return
+    its share above."""
     from matplotlib.lines import Line2D
 
     plain = canvas.text_colour(axes)
     unknown = plain if coloured else GREY
-    for most in range(MANY - 1, -1, -1):
-        entries = _legend_entries(key, styles, plain, unknown, most) | looks
+    values = {("", its): colour for (_, its), colour in key.items()}  # they may tell enough
+    short = values if len(values) == len(key) else key
+    for most, its in [(MANY - 1, key), *((most, short) for most in range(MANY - 1, -1, -1))]:
+        entries = _legend_entries(its, styles, plain, unknown, most) | looks
         handles = [Line2D([], [], **look) for look in entries.values()]
         above = canvas.fitting_legend(axes, pixel, handles, list(entries), frameon=False)
         if above < 1 / 3 or not key:
