@@ -57,6 +57,7 @@ BRANCH --window 0.9 0.5 >> the window of 'a' is empty: \(0\.9, 0\.5\)
 branch --free gamma --a 0.5 --k 0.8 --window 0.3 0.4 >> 0 <= gamma < 1/4
 BRANCH --a 0.7 --window 0.1 0.6 >> the start has a=0\.7, outside \(0\.1, 0\.6\)
 zones --gamma-window 0.3 0.4 >> leaves nothing of \(0\.0, 0\.2499\)
+zones --gamma-window 0.2 0 >> of 'gamma' is empty
 zones --k 0.8 --gamma-window 0.02 0.03 --a-window 0.3 0.4 >> no curve passes the window
 zones --a 2 >> no breather at a = 2 for k between 0\.01 and 0\.999 and gamma between 0 and 0\.2499;
 zones --k 0.8 --gamma 0.05 --a 0.5 >> values of exactly one of k, gamma, a, got k, gamma, a

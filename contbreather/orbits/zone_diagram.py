@@ -66,7 +66,8 @@ def narrowed(
         window = given.get(name, reach)
         found[name] = max(low, window[0]), min(high, window[1])
         if not found[name][0] < found[name][1]:
-            raise BadInput(f"the window {window} of {name!r} leaves nothing of {reach}")
+            why = f"leaves nothing of {reach}" if window[0] < window[1] else "is empty"
+            raise BadInput(f"the window {window} of {name!r} {why}")
     return found
 
 
