@@ -156,6 +156,14 @@ def test_a_zero_next_to_where_a_test_has_no_value_is_found(start: float) -> None
     assert places(on_line(ends, start=start, steps=LONG)) == pytest.approx([0.9])
 
 
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_a_zero_beside_the_event_at_which_a_test_loses_its_value_is_found(start: float) -> None:
+    """Halvings of the step, which look for the edge of its values, come to neither side of it."""
+    lost = Event("NA", lambda q: q["mu"] - 0.746 if q["mu"] < 0.75 - 1e-9 else math.nan)
+    branch = on_line(lost, user("mu", 0.75), start=start, steps=LONG)
+    assert places(branch) == pytest.approx([0.746, 0.75])
+
+
 @pytest.mark.parametrize("end", [0.55, 1.0])
 def test_a_jump_that_means_nothing_hides_no_zero_beside_it(end: float) -> None:
     def jumps(q: Point) -> float:

@@ -373,7 +373,8 @@ def test_a_curve_of_collisions_turns_back_where_three_pairs_meet() -> None:
     )
     b = cb.breather(chain, {0: 1, 1: -1, 2: -1, 3: -1}, omega=1.353, params={"c": 0.0819})
     branch = cb.trace(b, "omega", within={"omega": (1.3, 1.57)}, towards="both")
-    first, second = (point for point in branch.special if point.kind == "KC")
+    first, second, beside_fold = (point for point in branch.special if point.kind == "KC")
+    assert beside_fold["omega"] - branch.first("LP")["omega"] == pytest.approx(2.03e-5, rel=1e-3)
     line = cb.boundary(first, ("c", "omega"), within={"c": (0, 0.0819)}, towards="down")
     assert [point.kind for point in line.special] == ["EP", "CP", "EP"]
     assert line[-1]["omega"] == pytest.approx(second["omega"], abs=1e-8)

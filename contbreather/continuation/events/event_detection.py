@@ -220,7 +220,9 @@ def _events_on(tests: Sequence[StepSamples], ends: Ends) -> Iterator[Point]:
             u = (point.arclength - segment.first.arclength) / segment.length
             if 0 < u < 1 and samples.event is not point.event:
                 samples.learn(u, samples.event.value_or_nan(point))
-                if point.event and point.event.ends:  # at both sides of a pole
+                start, end = samples.values[0.0], samples.values[1.0]
+                # at both sides of a pole, and of where it may have lost its value
+                if (point.event and point.event.ends) or math.isnan(start) != math.isnan(end):
                     samples.known(u - BESIDE * u)
                     samples.known(u + BESIDE * (1 - u))
         for samples in tests:
