@@ -64,6 +64,8 @@ def not_simple(kind: str) -> str:
 
 def locate(samples: StepSamples) -> Iterator[Point]:
     """The events behind all changes of one test that were not dealt with yet."""
+    if samples.event.turns and samples.changes() and samples.segment.still:
+        samples.done.append((0.0, 1.0))  # where the parameter seems to turn back rounding decides
     # values seen on the cubic give way to those on the curve, wherever a change depends on them
     while unsure := {*itertools.chain(*samples.changes())} - samples.sure:
         for u in unsure:
@@ -352,6 +354,9 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
     middle of the step; the vertex of the parabola through its values, as smooth tests dip through
     zero and back; where the line through the middle and an end vanishes, as the least of several
     has a kink at zero."""
+
+    if (0.0, 1.0) in samples.done:
+        return
 
     # on the curve: its cubic may be off by more than the dip
     def seen(u: float) -> float:  # not kept

@@ -103,6 +103,13 @@ class StepInterpolant:
 
         return any(off(end) > least for end in (self.first, self.last))
 
+    @cached_property
+    def still(self) -> bool:
+        """Tell whether the free parameter is the same at both ends and in the middle."""
+        with suppress(*OUT_OF_DOMAIN):
+            return not self.moves(self.at(0.5))
+        return False
+
     def off(self, u: float, z: Array) -> float:
         """Measure how far the cubic is off the point of the curve at u, relative to the step."""
         guess, _ = self.guess(min(max(u, 0.0), 1.0))
