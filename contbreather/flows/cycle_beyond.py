@@ -59,7 +59,8 @@ class _Beyond(SwitchingProblem):
 
 
 def _growth(margin: Margin, curve: Curve, z: Array, way: Array) -> float:
-    """Differentiate a margin along a way."""
+    """Differentiate a margin along a way, from the slopes inside that the place itself has."""
+    margin(curve, z)
     return float(directional(partial(margin, curve), z, SHORTEST * way)[0]) / SHORTEST
 
 

@@ -314,6 +314,26 @@ def test_a_wall_at_the_origin_is_gone_beyond() -> None:
 
 
 @pytest.mark.slow
+def test_an_orbit_far_from_where_its_branch_began_leads_on() -> None:
+    """A relief valve that comes to hit its seat (C. Hos, A. R. Champneys, 2012): next to its GR
+    slopes of the orbit at the start lead to negative pressures, of which the field has a root."""
+
+    def valve(t: Any, x: Any, p: Any) -> Any:
+        force = x[2] - x[0] - 10 - 1.25 * x[1]
+        return [x[1], force, 20 * (p["q"] - x[0] * np.sqrt(x[2]))]
+
+    def seat(t: Any, x: Any, p: Any) -> Any:
+        return [x[0], -0.8 * x[1], x[2]]
+
+    wall = cb.Flow(valve, until=lambda t, x, p: x[0], reset=seat)
+    start = {"y": 1.5, "v": 0.5, "P": 12.0}
+    free = cb.cycle(cb.Flow(valve, walls=(wall,)), start, {"q": 8.19}, settle=50)
+    lost = cb.trace(free, "q", towards="both", within={"q": (7.5, 8.25)}, events=()).first("GR")
+    assert lost["q"] == pytest.approx(7.55721097, abs=1e-7)  # by scipy
+    (hits,) = cb.switch(lost, within={"q": (7.5, 8.3)}, events=())
+    assert hits[0]["beyond"] == "persists"
+
+
 def test_a_ball_that_sticks_to_its_table_ends_where_it_would_take_off_at_once() -> None:
     """It is thrown where A sin t = 1, and comes back as long after as it sticks there no more: a
     period later, where A cos t = pi."""
