@@ -41,7 +41,7 @@ from ..continuation.curve.problem import Problem
 from ..continuation.systems.branch_points import bordered_matrix
 from ..continuation.systems.defining_systems import Singular
 from ..errors import BadInput
-from ..flows.collocation import Collocation, TrajectorySegment, sizes_of
+from ..flows.collocation import ROUNDING, Collocation, TrajectorySegment, sizes_of
 from ..flows.conservation import Conservation, Unfolded, on_axis, quantities_of
 from ..flows.conservative_events import (
     NEAR,
@@ -114,6 +114,21 @@ class HalfOrbit(FlowEquations):
         until = None if name == "omega" else partial(_energy_above, self.chain)
         flow = Flow(self.chain, until=until, reset=resting)
         return replace(self, flows=(flow,), period=None if until else half_period)
+
+    def __call__(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
+        left = super().__call__(x, p, error)
+        self.forces(x, p, error)  # all places of the equations are between its ends
+        return left
+
+    @np.errstate(all="ignore")
+    def forces(self, x: Array, p: Params, error: float = ROUNDING) -> Array:
+        """Evaluate those where the half begins and ends; `Undefined` beyond their domain."""
+        (flight,) = self._solved(x, p, error).flights
+        u = np.stack([flight.states[0], flight.end], axis=-1)[: self.chain.sites]
+        forces: Array = self.chain.gradient(u, p).T
+        if not math.isfinite(forces.sum()):
+            raise Undefined("where it is at rest forces have no value")
+        return forces
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,14 +332,9 @@ class ReversibleBreather(Breather):
         return np.asarray(whole.reshape(2, n, 2, n).swapaxes(1, 2))
 
     @cached_property
-    @np.errstate(all="ignore")
     def forces(self) -> Array:
         """Those on the orbit where the half begins and ends."""
-        u, _ = self.state(self.times[0] + np.array([0.0, 0.5 * self.period]))
-        forces: Array = self.chain.gradient(u, self.params).T
-        if not math.isfinite(forces.sum()):  # all places of the equations are in between
-            raise Undefined("where it is at rest forces have no value")
-        return forces
+        return self.equations.forces(self.x, self.params)
 
     @cached_property
     @one_thread

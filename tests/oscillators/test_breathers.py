@@ -643,14 +643,26 @@ def test_sites_that_hardly_feel_each_other_have_no_pf_next_to_no_coupling() -> N
 
 
 @pytest.mark.slow
-def test_a_breather_that_turns_where_a_force_has_no_value_has_no_multipliers() -> None:
+def test_a_breather_that_turns_where_a_force_has_no_value_is_none() -> None:
     """Grains that come out of contact there: all places of the equations are in between."""
     how = {"lattice": cb.OpenChain(3, ends="fixed"), "masses": [1.0, 0.1, 1.0]}
     grains = cb.Oscillators(W="2*(1 - r)**2.5/5 + r - 2/5", **how)
     touching = cb.breather(grains, {1: 1}, omega=5.423, collocation=cb.Collocation(12, 4))
-    beyond = touching.at(omega=5.4219).solve()[0].solution
     with pytest.raises(cb.errors.ContbreatherError, match="at rest forces have no value"):
-        beyond.stability()
+        touching.at(omega=5.4219).solve()
+
+
+def test_a_branch_of_breathers_ends_where_a_contact_opens_at_a_turn() -> None:
+    """Its last point had no multipliers: counts of them, or a table, raised."""
+    W = "c*(2*(b - r)**(5/2)/5 + b**(3/2)*r)"
+    pair = cb.Oscillators(V="u**2/2 + u**4/4", W=W, lattice=cb.OpenChain(2))
+    begin = cb.breather(pair, {0: 1}, omega=1.1, params={"c": 0.02, "b": 0.8})
+    branch = cb.trace(begin, "omega", within={"omega": (1.05, 1.6)})
+    # by shooting, with u1 - u0 = b at rest
+    assert branch[-1]["omega"] == pytest.approx(1.20224004, abs=1e-8)
+    assert "at rest forces have no value" in branch.reason
+    assert branch.table()
+    assert branch.doubtful == ()
 
 
 def test_crossings_of_a_breather_with_few_unknowns_are_looked_for() -> None:
