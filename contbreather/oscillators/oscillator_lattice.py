@@ -227,6 +227,11 @@ class Oscillators:
         """Tell whether all of these are formulas: of functions the parameters are not known."""
         return not any(callable(function.given) for function in self.functions.values())
 
+    @property
+    def analytic(self) -> bool:
+        """Tell whether complex steps are exact, as of formulas, piece by piece where `abs` is."""
+        return self.written
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """The parameters of its formulas."""

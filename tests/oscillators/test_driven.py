@@ -447,3 +447,15 @@ def test_the_time_of_a_touch_is_within_the_period() -> None:
     t = float(branch.reason.rpartition("t = ")[2])
     assert 0 < t < 2 * np.pi / 1.3
     assert abs(branch[-1].solution.states(t)[1]) == pytest.approx(1.0, abs=1e-5)
+
+
+def test_a_response_of_grains_is_traced_down_to_rest() -> None:
+    """Where their forces cancel to 1e-8 differences had no digit right: it ended before, as MX."""
+    W = "2*(1 - r)**(5/2)/5 + r - 2/5"
+    lattice = cb.OpenChain(2, ends="fixed", drive=[1.0, 0.0])
+    grains = cb.Oscillators(W=W, lattice=lattice, damping=0.1, drive="a*cos(omega*t)")
+    how = {"omega": 0.9, "collocation": cb.Collocation(6, 4), "events": ()}
+    response = cb.breather(grains, {0: "low"}, params={"a": 0.05}, **how)
+    branch = cb.trace(response, "a", within={"a": (0.0, 0.1)}, towards="down")
+    assert branch[-1]["a"] == 0.0
+    assert branch.special[-1].kind == "EP"
