@@ -124,6 +124,7 @@ def stream_of(path: str | Path) -> int | None:
 
 def identity(path: str | Path | int) -> Any:
     """Equal for two names, or numbers of open streams, of the same place; nowhere is no place."""
+    path = path if isinstance(path, int) else os.path.expanduser(path)
     try:
         status = os.stat(path)
     except (OSError, ValueError):  # nothing is there yet, or ever
@@ -158,14 +159,14 @@ def read_text(path: str | Path) -> str:
 
 
 def named(verb: str, path: object) -> Path:
-    """The name of a file, or what is wrong with it."""
+    """The name of a file, `~` in it the home of the user, or what is wrong with it."""
     if not isinstance(path, str | os.PathLike):
         raise BadInput(
             f"{path!r} is not the name of a file; give one as text, for instance 'run.nc'"
         )
     if not os.fspath(path).strip():
         raise BadInput(f"the name of the file to {verb} is empty; give one, for instance zones.csv")
-    return Path(path)
+    return Path(os.path.expanduser(path))  # as a shell does, but for what stands behind a =
 
 
 def _mode(verb: str, target: Path) -> int:

@@ -13,8 +13,9 @@ from typing import BinaryIO
 
 import pytest
 
+import contbreather as cb
 from contbreather.errors import BadInput
-from contbreather.files import opened, writable, write_whole
+from contbreather.files import identity, opened, writable, write_whole
 
 
 def saying(text: bytes):
@@ -166,6 +167,20 @@ def test_place_that_cannot_be_is_refused(name, sentence, tmp_path, monkeypatch):
         with pytest.raises(BadInput, match=sentence):
             attempt(name)
     assert {path.name for path in Path().iterdir()} == {"folder", "file", "circle", "lost"}
+
+
+def test_a_tilde_is_the_home_of_the_user_in_each_call(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    branch = cb.trace(cb.symmetric(0.7, 0.04, 0.8), "a", within={"a": (0.65, 0.75)})
+    cb.save("~/x.nc", branch)
+    branch.to_csv("~/x.csv")
+    (tmp_path / "s.toml").write_text("[zones.z]\nk = 0.8\n")
+    assert len(cb.load("~/x.nc")) == len(branch)
+    assert cb.studies.dry_run("~/s.toml").folder == tmp_path / "s"
+    assert identity("~/x.nc") == identity(tmp_path / "x.nc")
+    assert {path.name for path in tmp_path.iterdir()} == {"x.nc", "x.csv", "s.toml"}
+    with pytest.raises(BadInput, match="there is no directory ~nobody-here"):
+        writable("~nobody-here/x.nc")
 
 
 def test_another_place_is_advised_to_who_writes_and_not_to_who_reads() -> None:

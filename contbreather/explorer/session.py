@@ -383,7 +383,7 @@ class Session:
         if not results:
             raise BadInput("there is nothing to save yet: trace a branch first.")
         save(path, **results)
-        return Path(path).absolute()
+        return writable(path).absolute()
 
     def keep(self, path: str | Path) -> None:
         """`save` in the background; what is wrong with the path is refused at once."""

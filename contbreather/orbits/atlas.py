@@ -14,6 +14,7 @@ import numpy as np
 
 from contbreather.checks import check_kind, combinations, kind_of, row
 from contbreather.errors import BadInput, add_partial_result, partial_result
+from contbreather.files import writable
 from contbreather.lattice.band_averages import UniformLattice
 from contbreather.lattice.conditions import Walls
 from contbreather.lattice.forcing import Drive, Forcing
@@ -317,6 +318,6 @@ def save_atlas(path: str | Path, atlas: Dataset) -> Path:
     reads it, ``xarray.open_dataset(path, decode_cf=False)`` for instance."""
     check_atlas(atlas)
     columns = {name: (v.dims, v.values, v.attrs) for name, v in atlas.variables.items()}
-    with checked_file(path) as file:
+    with checked_file(target := writable(path)) as file:
         fill_group(file, columns, atlas.attrs)
-    return Path(path)
+    return target

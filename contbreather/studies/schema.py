@@ -25,7 +25,7 @@ from pydantic import (
 from contbreather.checks import brief, numbers, one_of, spread
 from contbreather.continuation.branches.boundary import named_pair
 from contbreather.errors import BadInput
-from contbreather.files import read_text
+from contbreather.files import named, read_text
 from contbreather.lattice.chain import InfiniteChain, Ring
 from contbreather.lattice.forcing import Forcing
 from contbreather.lattice.formula import forcing_of
@@ -307,6 +307,7 @@ def read(path: str | Path) -> Study:
     >>> read(path).zones["paper"].k
     [0.8, 0.4]
     """
+    path = named("read", path)
     text = read_text(path)
     try:
         try:
@@ -316,7 +317,7 @@ def read(path: str | Path) -> Study:
         chain: Any = tables.get("chain")
         lattice = str(chain.get("lattice")) if isinstance(chain, dict) else ""
         if re.search(r"\.(csv|graphml)(:|$)", lattice.lower()):  # a file beside the study
-            chain["lattice"] = str(Path(path).resolve().parent / lattice)
+            chain["lattice"] = str(path.resolve().parent / lattice)
         # also those of which the study says nothing because of their own mistakes
         kinds = [(name, kind) for kind in KINDS if isinstance(tables.get(kind), dict)
                  for name in tables[kind]]  # fmt: skip
@@ -330,8 +331,8 @@ def read(path: str | Path) -> Study:
         # of what is not there the line of the innermost table that is
         places = sorted((_line(lines, at), ".".join(at), why) for at, why in faults)
         said = [visible(f"line {n}{', ' * bool(at)}{at}: {why}") for n, at, why in places]
-        several = "\n  ".join([f"{Path(path).name} has {len(said)} mistakes:", *said])
-        raise BadInput(several if said[1:] else f"{Path(path).name}, {said[0]}")
+        several = "\n  ".join([f"{path.name} has {len(said)} mistakes:", *said])
+        raise BadInput(several if said[1:] else f"{path.name}, {said[0]}")
     return study
 
 

@@ -318,7 +318,7 @@ def dry_run(path: str | Path, *, folder: str | Path | None = None, again: bool =
     paper/k=0.4 zones at k = 0.4 to compute
     """
     study = read(path)
-    place = named("write", folder) if folder is not None else Path(path).with_suffix("")
+    place = named("write", Path(path).with_suffix("") if folder is None else folder)
     place, tasks = place.resolve(), tasks_of(study)
     drawn = [place / f"{name}{ATLAS}" for name in study.atlas] + [*study.pictures(place).values()]
     check_links(file for task in tasks for file in (task.file(place), task.mark_file(place)))
