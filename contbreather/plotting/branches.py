@@ -105,7 +105,7 @@ def plot_branches(
         named = len(words) <= MANY if labels is None else labels
         told = set() if named else {mark.point.kind for mark in marks} - {"EP"}
         looks = {kind: {**canvas.marker_of(kind), "color": plain} for kind in sorted(told)}
-        above = _fitting_legend(axes, pixel, key if groups else {}, styles, looks, coloured)
+        above = _fitting_legend(drawn, pixel, key if groups else {}, styles, looks, coloured)
         if named:
             if above:  # the axes have made room for it
                 canvas.lay_out(axes)
@@ -146,20 +146,20 @@ def _draw_marker(axes: Axes, mark: Marker) -> None:
 
 
 def _fitting_legend(
-    axes: Axes, pixel: float, key: dict[Any, str], styles: set[str], looks: Any, coloured: bool
+    drawn: Drawn, pixel: float, key: dict[Any, str], styles: set[str], looks: Any, coloured: bool
 ) -> float:
     """Draw a legend of as many groups as leave room for their words, or for their values; return
     its share above."""
     from matplotlib.lines import Line2D
 
-    plain = canvas.text_colour(axes)
+    plain = canvas.text_colour(drawn.axes)
     unknown = plain if coloured else GREY
     values = {("", its): colour for (_, its), colour in key.items()}  # they may tell enough
     short = values if len(values) == len(key) else key
     for most, its in [(MANY - 1, key), *((most, short) for most in range(MANY - 1, -1, -1))]:
         entries = _legend_entries(its, styles, plain, unknown, most) | looks
         handles = [Line2D([], [], **look) for look in entries.values()]
-        above = canvas.fitting_legend(axes, pixel, handles, list(entries), frameon=False)
+        above = canvas.fitting_legend(drawn, pixel, handles, entries, frameon=False)
         if above < 1 / 3 or not key:
             break
     return above

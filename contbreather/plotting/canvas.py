@@ -166,6 +166,9 @@ class Drawn(list["Artist"]):
         if isinstance(axes, type) or not hasattr(axes, "get_lines"):
             raise BadInput(f"matplotlib Axes to draw in were expected, got {kind_of(axes)}")
         self.axes, self._before = axes, set(axes.get_children())
+        legend = axes.get_legend()  # what is drawn over another picture goes on from it
+        words = [text.get_text() for text in legend.get_texts()] if legend else []
+        self.told = [*zip(legend.legend_handles, words, strict=True)] if legend else []
 
     @property
     def figure(self) -> Figure:
@@ -220,13 +223,16 @@ def legend_above(axes: Any, **more: Any) -> None:
 
 
 def fitting_legend(
-    ax: Any, pixel: float, handles: Sequence[Any], names: Sequence[str], **more: Any
+    drawn: Drawn, pixel: float, handles: Iterable[Any], names: Iterable[str], **more: Any
 ) -> float:
-    """Draw a legend inside of laid out axes where it is small and covers no curve, else above them
-    in as many columns as fit, or where no layout makes room there inside all the same: the part of
-    the height of the figure that it takes."""
-    if not names:
+    """Draw a legend, behind what another one said, inside of laid out axes where it is small and
+    covers no curve, else above them in as many columns as fit, or where no layout makes room there
+    inside all the same: the part of the height of the figure that it takes."""
+    ax, every = drawn.axes, [*drawn.told, *zip(handles, names, strict=True)]
+    entries = {(name, str(getattr(one, "get_color", str)())): one for one, name in every}
+    if not entries:
         return 0.0
+    handles, names = [*entries.values()], [name for name, _ in entries]
     look = {"handlelength": 2.2, "fontsize": legend_size(ax), **more}
     legend = partial(ax.legend, handles, names, **look)
     inside = legend(loc="best")

@@ -458,13 +458,8 @@ def plot_sweep(sweep: Sweep, *, y: str = "p", ax: Axes | None = None) -> Drawn:
             named = name in axes.get_legend_handles_labels()[1]
             piece = slice(start, end + 1)
             axes.plot(x[piece], column[piece], mark, label=None if named else name, **look)
-        legend, entries = axes.get_legend(), dict[str, Any]()
-        if legend:  # of a branch: what its styles say
-            words = (text.get_text() for text in legend.get_texts())
-            entries |= zip(words, legend.legend_handles, strict=True)
-        entries |= zip(*reversed(axes.get_legend_handles_labels()), strict=True)
-        told, pixel = list(entries.values()), canvas.lay_out(axes)
-        canvas.fitting_legend(axes, pixel, told, list(entries), frameon=False)
+        pixel, told = canvas.lay_out(axes), axes.get_legend_handles_labels()
+        canvas.fitting_legend(drawn, pixel, *told, frameon=False)
     return drawn
 
 

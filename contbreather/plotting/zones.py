@@ -240,7 +240,7 @@ def explain(panels: Sequence[Axes], figure: Figure | None = None) -> None:
         )
     else:
         pixel, white = canvas.lay_out(panels[0]), {"facecolor": "white", "labelcolor": BLACK}
-        canvas.fitting_legend(panels[0], pixel, handles, labels, handlelength=2.6, **white)
+        canvas.fitting_legend(Drawn(panels[0]), pixel, handles, labels, handlelength=2.6, **white)
 
 
 def names_of_meetings(zones: Zones) -> list[tuple[float, float, str]]:
