@@ -521,6 +521,15 @@ def test_unstable_branches_in_one_place_are_seen_to_be_dashed() -> None:
     assert 0.1 < np.mean(gaps) < 0.5
 
 
+def test_sites_of_oscillators_that_are_mirror_images_are_one_line_with_both_names() -> None:
+    chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(7))
+    breather = cb.breather(chain, {3: 1}, omega=1.5, params={"c": 0.05}).solution
+    rows = plots.plot_orbit(breather, sites=(1, 2, 3, 4, 5)).figure.axes
+    both = ["$u_{1}$, $u_{5}$", "$u_{2}$, $u_{4}$", "$u_{3}$"]
+    assert [line.get_label() for row in rows for line in row.get_lines()] == both
+    assert [row.get_ylabel() for row in rows] == both
+
+
 def test_a_breather_in_a_gap_is_drawn_between_the_bands_of_light_and_heavy_sites() -> None:
     chain = cb.Oscillators(V="u**2/2 + u**4/4", W="c*r**2/2", lattice=cb.Ring(8), onsite=[1, 4] * 4)
     start = cb.breather(chain, {0: 1}, omega=1.7, params={"c": 0.05})

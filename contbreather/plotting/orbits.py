@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -94,9 +94,10 @@ def plot_orbit(
     chosen = default if sites is None else chosen_sites(sites)
     t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with canvas.drawing(ax) as (drawn, axes):
-        for i, (alike, u) in enumerate(_motions(whole, chosen, t)):
-            label = ", ".join(f"$u_{{{n}}}$" for n in alike)
-            axes.plot(t / (2 * math.pi), u, DASHES[i % len(DASHES)], label=label)
+        motions = {n: whole.displacement(n, t) for n in chosen}
+        for i, its in enumerate(_alike(motions)):
+            label = ", ".join(f"$u_{{{n}}}$" for n in its)
+            axes.plot(t / (2 * math.pi), motions[its[0]], DASHES[i % len(DASHES)], label=label)
         for _, time, wall in impacts_of(whole, chosen):
             canvas.to_the_rim(axes.plot(time, wall, "o", color=GREY, markersize=4, zorder=3))
         # others may stand farther off
@@ -140,18 +141,26 @@ def no_orbit(value: object, wanted: str) -> BadInput:
     return BadInput(f"{wanted} was expected, got {kind}: {instead}")
 
 
-def _motions(orbit: Orbit, chosen: Sequence[int], t: Array) -> list[tuple[list[int], Array]]:
-    """Group sites that move alike, as mirror images do, with their motion: one line is seen."""
-    motions: list[tuple[list[int], Array]] = []
-    for n in chosen:
-        u = orbit.displacement(n, t)
-        for alike, other in motions:
-            if np.allclose(u, other, atol=1e-9):
-                alike.append(n)
-                break
-        else:
-            motions.append(([n], u))
-    return motions
+def _alike(lines: Mapping[Any, Array]) -> list[list[Any]]:
+    """Group what moves alike, as mirror images do: one line is seen."""
+    least = 1e-9 * max(np.nanmax(abs(u)) for u in lines.values())
+
+    def fit(*its: Any) -> bool:
+        one, other = lines[its[0]], lines[its[-1]]
+        return np.allclose(one, other, rtol=0.0, atol=least, equal_nan=True)
+
+    return _grouped(lines, fit)
+
+
+def _grouped(names: Iterable[Any], fit: Callable[..., bool]) -> list[list[Any]]:
+    """Put each name into the first group that it fits into, or into one of its own."""
+    together: list[list[Any]] = []
+    for name in names:
+        its = next((its for its in together if fit(*its, name)), None)
+        if its is None:
+            together.append(its := [])
+        its.append(name)
+    return together
 
 
 def chosen_sites(sites: object) -> list[int]:
@@ -302,18 +311,20 @@ def draw_states(
     ]
     # the time of a cycle begins anew, its states go on
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
-    together = _of_one_size(
-        {name: np.concatenate([piece[name] for piece in pieces]) for name in chosen}
-    )
+    columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in chosen}
+    together = _of_one_size(columns)
+    alike = [its for names in together for its in _alike({n: columns[n] for n in names})]
+    words = {its[0]: ", ".join(map(canvas.symbol, its)) for its in alike}
+    shown = [name for name in chosen if name in words]
     with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = panels_of(axes, len(together))
         panel_of = {n: panel for panel, its in zip(panels, together, strict=True) for n in its}
-        for i, name in enumerate(chosen):
+        for i, name in enumerate(shown):
             panel = panel_of[name]
             colour, dashes = CYCLE[i % len(CYCLE)], DASHES[i % len(DASHES)]
             lines = [(piece[x], piece[name]) for piece in pieces]
             for j, line in enumerate(lines):
-                panel.plot(*line, dashes, color=colour, label=None if j else canvas.symbol(name))
+                panel.plot(*line, dashes, color=colour, label=None if j else words[name])
             for (*_, ended), after, line in zip(flows, following, lines, strict=False):
                 if ended:
                     last = line[0][-1], line[1][-1]
@@ -321,8 +332,8 @@ def draw_states(
                     panel.plot(*zip(last, first, strict=True), ":", color=colour, linewidth=0.8)
                     canvas.to_the_rim(panel.plot(*last, "o", color=GREY, markersize=3, zorder=3))
         for panel in panels:
-            its = [name for name in chosen if panel_of[name] is panel]
-            panel.set_ylabel(canvas.symbol(its[0]) if len(its) == 1 else "states")
+            its = [words[name] for name in shown if panel_of[name] is panel]
+            panel.set_ylabel(its[0] if len(its) == 1 else "states")
             if len(its) > 1:
                 canvas.legend_above(panel)
         if x == TIME:
@@ -334,20 +345,16 @@ def draw_states(
 
 def _of_one_size(columns: Mapping[str, Array]) -> list[list[str]]:
     """Group states that can be read on one axis: the smallest swing fills a tenth of it."""
-    together: list[list[str]] = []
     spans = {name: (float(np.nanmin(u)), float(np.nanmax(u))) for name, u in columns.items()}
     # of a state at rest, but for rounding, there is nothing to be read
     moving = {n for n, (low, high) in spans.items() if high - low > 1e-9 * max(-low, high)}
-    for name in columns:
-        for its in together:
-            lows, highs = zip(*(spans[n] for n in (*its, name)), strict=True)
-            reach = (max(highs) - min(lows)) / 10.0
-            if all(spans[n][1] - spans[n][0] >= reach for n in (*its, name) if n in moving):
-                its.append(name)
-                break
-        else:
-            together.append([name])
-    return together
+
+    def fit(*its: str) -> bool:
+        lows, highs = zip(*(spans[n] for n in its), strict=True)
+        reach = (max(highs) - min(lows)) / 10.0
+        return all(spans[n][1] - spans[n][0] >= reach for n in its if n in moving)
+
+    return _grouped(columns, fit)
 
 
 def panels_of(axes: Axes, count: int, *, sharex: bool = True, **look: Any) -> list[Axes]:
