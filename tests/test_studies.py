@@ -127,6 +127,16 @@ def test_another_value_in_a_list_leaves_the_results_of_the_others(done: Report) 
     assert report.kept == done.computed
 
 
+def test_a_figure_is_drawn_without_what_failed_and_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "study.toml"
+    narrow = ONE.replace("[branch.b]", "[branch.c]") + "window = [1.5, 2]\n"
+    path.write_text(f"{ONE}{narrow}" + DRAWN.format("'b', 'c'", ""))
+    report = conduct(path, executor=1)
+    assert {*report.failed} == {"c", "figure f"}
+    assert report.failed["figure f"] == "drawn without c"
+    assert [one.name for one in report.written] == ["f.png"]
+
+
 @pytest.mark.slow
 def test_a_figure_that_cannot_be_drawn_leaves_the_others(done: Report) -> None:
     text = '[figure.other]\ndraws = ["symmetric"]\ny = "p2"\n\n[figure.tree]'

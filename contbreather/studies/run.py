@@ -59,7 +59,7 @@ class Report(HtmlRepr):
 
     @property
     def failed(self) -> dict[str, str]:
-        """Name of each part without a result, and the reason."""
+        """Name of each part without a result, and of each figure that lacks one; and why."""
         return self._with("failed")
 
     @property
@@ -212,7 +212,7 @@ def cluster(address: str, patience: float = 5.0) -> Iterator[Executor]:
 
 
 def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
-    """Write all atlases, and all figures of which everything is there."""
+    """Write all atlases, and all figures of what is there, which say what is not."""
     missing = report.failed | report.absent
     atlases: dict[str, Any] = {}
 
@@ -237,9 +237,10 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     for name, path in study.pictures(report.folder).items():
         figure, title = study.figure[name], f"figure {name}"
         nothing = [source for source in figure.draws if not there(source)]
-        lost = [one for one in nothing if {task.name for task in parts_of(one)} - {*report.absent}]
-        if lost or len(nothing) == len(figure.draws):
-            why = f"there is nothing of {', '.join(map(str, lost or nothing))} to draw"
+        every = [task.name for one in figure.draws for task in parts_of(one)]
+        lost = [name for name in every if name in report.failed]
+        if len(nothing) == len(figure.draws):
+            why = f"there is nothing of {', '.join(map(str, nothing))} to draw"
             report.outcomes[title] = "failed" if lost else "absent", why
             continue
         try:
@@ -250,6 +251,8 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
                 results = (_loaded(task, arm, report.folder) for task, arm in parts)
                 drawn = plot(*chain.from_iterable(results), **figure.options)
             report.written.append(put_in_place(path, partial(save_figure, drawn)))
+            if lost:
+                report.outcomes[title] = "failed", f"drawn without {', '.join(lost)}"
         except ContbreatherError as error:  # a column that is not there: the others are drawn
             report.outcomes[title] = "failed", str(error)
 
