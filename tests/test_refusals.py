@@ -136,7 +136,7 @@ CASES: list[tuple[Callable[[], Any], str]] = [
     (lambda: cb.Lattice.from_graph(nx.Graph()), r"an undirected networkx graph with at least one"),
     (
         lambda: cb.Lattice.from_graph(nx.Graph([(0, 1, {"weight": "heavy"})])),
-        r"the weights 'weight' of the edges must be numbers, their stiffnesses",
+        r"the weights 'weight' of .* be numbers, their stiffnesses; that from 0 to 1 is 'heavy'\.$",
     ),
     (
         lambda: cb.Lattice(APART).basis((1, 2)),

@@ -168,12 +168,13 @@ class Lattice:
                 f"graph = {graph!r}: an undirected networkx graph with at least one node is "
                 "expected."
             )
-        try:
-            matrix = nx.laplacian_matrix(graph, weight=weight).toarray()
-        except (TypeError, ValueError) as error:
-            raise BadInput(
-                f"the weights {weight!r} of the edges must be numbers, their stiffnesses: {error}."
-            ) from error
+        for one, other, bond in graph.edges(data=weight, default=1.0):
+            if np.asarray(bond).dtype.kind not in "biuf":
+                raise BadInput(
+                    f"the weights {weight!r} of the edges must be numbers, their stiffnesses; "
+                    f"that from {one!r} to {other!r} is {brief(bond)}."
+                )
+        matrix = nx.laplacian_matrix(graph, weight=weight).toarray()
         attributes = {
             name: [graph.nodes[n].get(kind, 1.0) for n in graph]
             for name, kind in zip(ROWS, NODES, strict=True)
