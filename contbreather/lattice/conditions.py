@@ -122,7 +122,13 @@ class Walls:
     @property
     def symmetric(self) -> bool:
         """True where every site has both its walls equally far from 0."""
-        return all(low == -high for low, high in (self.of_all, *self._by_site.values()))
+        return self.askew is None
+
+    @property
+    def askew(self) -> Pair | None:
+        """Walls of some site that are not equally far from 0, if there are any."""
+        pairs = (self.of_all, *self._by_site.values())
+        return next(((low, high) for low, high in pairs if low != -high), None)
 
 
 def _listed(values: Any) -> bool:

@@ -257,11 +257,11 @@ def check_possible(section: Section, on: Conditions) -> None:
     nothing brings the sites back."""
     if section.symmetric:
         check_symmetric(on.forcing)
-    if section.symmetric and not on.walls.symmetric:
+    if section.symmetric and (pair := on.walls.askew):
         raise BadInput(
-            "the walls are not symmetric, so no orbit is its own mirror image half a period "
-            "later: there is no half section and no pitchfork; shoot the whole period in "
-            "Python, shooting(..., symmetric=False)."
+            f"the walls are not symmetric, low = {pair[0]:g} and high = {pair[1]:g}: no orbit is "
+            "its own mirror image half a period later, there is no half section and no pitchfork; "
+            "shoot the whole period in Python, shooting(..., symmetric=False)."
         )
     for site, wall in section.impacts:
         if math.isinf(on.walls.position(site, wall)):

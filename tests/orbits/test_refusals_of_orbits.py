@@ -95,6 +95,8 @@ SHOT: list[tuple[Any, dict[str, Any], str]] = [
         {"sites": 5, "walls": {0: (-1, None)}},
         "the walls are not symmetric|has no wall on that side",
     ),
+    # meant for two sites, one by one
+    (BREATHER, {"sites": 2, "walls": [1, 2]}, "the walls are not symmetric, low = 1 and high = 2:"),
     *(
         (
             BREATHER,
