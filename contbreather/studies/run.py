@@ -237,8 +237,8 @@ def draw_figures(study: Study, tasks: Sequence[Task], report: Report) -> None:
     for name, path in study.pictures(report.folder).items():
         figure, title = study.figure[name], f"figure {name}"
         nothing = [source for source in figure.draws if not there(source)]
-        every = [task.name for one in figure.draws for task in parts_of(one)]
-        lost = [name for name in every if name in report.failed]
+        names = [task.name for one in figure.draws for task in parts_of(one)]
+        lost = [one for one in names if one in report.failed]
         if len(nothing) == len(figure.draws):
             why = f"there is nothing of {', '.join(map(str, nothing))} to draw"
             report.outcomes[title] = "failed" if lost else "absent", why
