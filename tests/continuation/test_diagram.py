@@ -67,6 +67,14 @@ def test_a_label_is_asked_of_a_branch_which_the_diagram_says() -> None:
         grown(PITCHFORK.problem)["BP1"]
 
 
+def test_the_first_point_of_a_kind_is_that_of_the_first_branch_that_has_one() -> None:
+    found = grown(PITCHFORK.problem)
+    assert found.first("BP") is found.first("BP1")
+    assert found.first("BP").label in [point.label for point in found[0].special]
+    with pytest.raises(BadInput, match=r"no 'HB1' on these branches; they have \['BP', 'EP'\]"):
+        found.first("HB1")
+
+
 def test_what_was_born_where() -> None:
     tree = grown(PITCHFORK.problem)
     assert [birth.depth for birth in tree.births] == [0, 1, 1]

@@ -134,6 +134,15 @@ class Diagram(Columns, HtmlRepr):
         """The special points of all branches; one where branches cross is there once."""
         return tuple(place.point for place in self._distinct().values())
 
+    def first(self, kind: str) -> Point:
+        """The first special point of a kind (``"PF"``) on the first branch that has one, or with a
+        label (``"PF2"``), which each branch counts for itself."""
+        found = next((point for point in self.special if kind in (point.kind, point.label)), None)
+        if found is None:
+            kinds = sorted({point.kind for point in self.special})
+            raise BadInput(f"no {kind!r} on these branches; they have {kinds}")
+        return found
+
     def _distinct(self) -> dict[str, Place]:
         return {place.name: place for row in self.places for place in row}
 
