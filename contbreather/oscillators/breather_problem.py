@@ -334,7 +334,9 @@ class ReversibleBreather(Breather):
     @cached_property
     def forces(self) -> Array:
         """Those on the orbit where the half begins and ends."""
-        return self.equations.forces(self.x, self.params)
+        half: Any = self.equations
+        forces: Array = half.forces(self.x, self.params)
+        return forces
 
     @cached_property
     @one_thread
