@@ -30,7 +30,7 @@ from .collocation import AT_REST, sizes_of
 from .cycle_problem import ONE, Cycle
 from .equations import equations_of
 from .flow import TurnedBack, slid_along
-from .functions import Function, slopes, values
+from .functions import Function, kink, slopes, values
 from .rotation import PERIODIC
 
 # of its pace: the square of its speed relative to that around a circle as large, in as long a time
@@ -101,7 +101,7 @@ class _Passage:
         off = (saddle.at.passed - saddle.state) / sizes
         out = off @ (saddle.outwards * sizes / sizes[:, None]).T
         shares = np.linalg.norm(out, axis=1) / np.linalg.norm(off, axis=1)
-        return saddle if shares.min() < 0.1 else None
+        return saddle if shares.min() < 0.1 and not saddle.cut_off else None
 
     @property
     def swings(self) -> bool:
@@ -161,6 +161,14 @@ class _Rest:
             f"{v.real:.6g}" + (f" +- {abs(v.imag):.6g}i" if v.imag else "") for v in self.leading
         )
         return f"leading eigenvalues {shown}, saddle quantity {self.leading.sum().real:.6g}"
+
+    @property
+    def cut_off(self) -> bool:
+        """Tell whether the field has a pole, or a jump, on the straight way from there."""
+        orbit, start = self.at.orbit, self.at.state[:, None]
+        f, way = orbit.equations.flows[self.at.flow].f, self.state[:, None] - start
+        times = np.linspace(0.0, 1.0, _LOOKS)
+        return kink(f, lambda t: start + t * way, times, orbit.params) is not None
 
     def images(self) -> Iterator[_Rest]:
         """This one, and of half a symmetric orbit its mirror image."""

@@ -466,3 +466,19 @@ def test_a_homoclinic_orbit_at_the_edge_of_the_domain_is_told_in_silence(capfd) 
     assert cycles[-1].kind == "HOM"
     assert "saddle x = 1, y = 0" in cycles.reason
     assert "DLASCL" not in "".join(capfd.readouterr())
+
+
+@pytest.mark.slow
+def test_a_saddle_behind_a_pole_is_no_end() -> None:
+    """Of the Oregonator as Tyson has it, where none is negative: the branch ended half way at a
+    saddle behind the pole at x = -q, from its other Hopf point it went all the way."""
+    q, eps = 0.002, 0.1
+
+    def oregonator(t, x, p):
+        return [(x[0] * (1 - x[0]) - p["f"] * x[1] * (x[0] - q) / (x[0] + q)) / eps, x[0] - x[1]]
+
+    rest = cb.equilibrium(oregonator, {"x": 0.01, "z": 0.01}, {"f": 2.1})
+    hopf = cb.trace(rest, "f", within={"f": (2, 2.6)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"f": (0.5, 2.6)})
+    assert {point.kind for point in cycles.special} <= {"EP", "HB", "MX"}  # next to HB is rounding
+    assert cycles[-1]["f"] == pytest.approx(0.5574291087, rel=1e-9)
