@@ -71,7 +71,10 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "sign": lambda x: np.sign(np.real(x)),
     **dict.fromkeys(("Abs", "abs"), lambda x: x * np.sign(np.real(x))),  # SymPy's name, Python's
     "besselj": _besselj,
+    **dict.fromkeys(("Max", "max"), lambda x, y: np.where(np.real(x) > np.real(y), x, y)),
+    **dict.fromkeys(("Min", "min"), lambda x, y: np.where(np.real(x) < np.real(y), x, y)),
 }
+_OF_TWO = frozenset(("besselj", "Max", "max", "Min", "min"))
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.UAdd: operator.pos, ast.USub: operator.neg, ast.Add: operator.add, ast.Sub: operator.sub,
     ast.Mult: operator.mul, ast.Div: operator.truediv, ast.Pow: _power,
@@ -148,7 +151,7 @@ def _value(node: ast.expr) -> Value:
         case ast.BinOp(left=left, op=op, right=right) if type(op) in OPERATORS:
             do, parts = OPERATORS[type(op)], [left, right]
         case ast.Call(func=ast.Name(id=name), args=parts, keywords=[]) if name in FUNCTIONS:
-            do, wanted = FUNCTIONS[name], "2 arguments" if name == "besselj" else "1 argument"
+            do, wanted = FUNCTIONS[name], "2 arguments" if name in _OF_TWO else "1 argument"
             if len(parts) != int(wanted[0]):
                 raise BadInput(f"cannot read the formula: {name} takes {wanted}, not {len(parts)}.")
             if name == "besselj" and _names(parts[0]) - {"pi"}:

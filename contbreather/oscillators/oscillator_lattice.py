@@ -103,13 +103,16 @@ def _compiled(text: str, variable: str) -> tuple[tuple[str, ...], list[Callable[
     letters = read_formula(text).letters
     symbols = {name: sympy.Symbol(name, real=True) for name in {*letters, variable}}
     # what was read holds numbers, names and functions alone
-    formula = sympy.sympify(text, locals=symbols)
+    least = lambda x, y: -sympy.Max(-x, -y)  # noqa: E731 - slopes of a power of Min divide by it
+    words = {"max": sympy.Max, "Min": least, "min": least}
+    formula = sympy.sympify(text, locals=words | symbols)
     names = sorted(str(symbol) for symbol in formula.free_symbols if str(symbol) != variable)
     if "t" in names or (names and variable not in (*letters, "t", "_")):
         how = "depends on t" if "t" in names else f"has no {variable} in it"
         raise BadInput(f"{brief(text)} {how}: a function of {variable} was expected.")
     arguments = [symbols[variable], *(symbols[name] for name in names)]
-    modules = [{**FUNCTIONS, "DiracDelta": np.zeros_like}, "numpy"]
+    steps = {"DiracDelta": np.zeros_like, "Heaviside": lambda x, y: np.heaviside(np.real(x), y)}
+    modules = [{**FUNCTIONS, **steps}, "numpy"]
     # as it stands: what SymPy makes simpler divides by what may be 0, as forces of contact
     slope = sympy.diff(formula, symbols[variable])
     functions = [sympy.lambdify(arguments, f, modules, cse=True) for f in (formula, slope)]

@@ -24,12 +24,13 @@ WORDS |= {"log": np.log, "sqrt": np.sqrt, "asin": np.arcsin, "acos": np.arccos, 
 WORDS |= {"Abs": np.abs, "abs": np.abs, "sign": np.sign, "besselj": special.jv, "pi": np.pi}
 WORDS |= {"sec": lambda x: 1 / np.cos(x), "csc": lambda x: 1 / np.sin(x)}
 WORDS |= {"cot": lambda x: 1 / np.tan(x)}
+TWO = {"max": np.maximum, "Max": np.maximum, "min": np.minimum, "Min": np.minimum}
 
 
 def by_python(text: str, t: np.ndarray, **params: float) -> np.ndarray:
     """What Python itself makes of the formula."""
     return np.asarray(
-        eval(text.replace("^", "**"), {"__builtins__": {}}, WORDS | params | {"t": t})
+        eval(text.replace("^", "**"), {"__builtins__": {}}, WORDS | TWO | params | {"t": t})
     )
 
 
@@ -50,6 +51,7 @@ EXACT = [
     "sqrt(2 + cos(t)**2)*cos(t) - log(3 + cos(2*t))*sin(t)",
     "cos(t)/(1 + 0.4*cos(t)**2)**2.5",
     "Abs(c)*sign(-c)*cos(t)",
+    "max(c, 2 + cos(2*t))*cos(t) - Min(3, Max(-2, sin(t)**2))*sin(t)**3",
     "2**cos(2*t)*cos(t)",
     "sinh(60*sin(t))",  # a high peak is no pole
     "-cos(t)/(2 + cos(t) + cos(t + 3.141592653589793))",

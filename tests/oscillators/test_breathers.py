@@ -173,6 +173,11 @@ def test_sites_that_are_held_by_a_harmonic_potential_begin_beside_neighbours_at_
     np.testing.assert_allclose(run.y[:, -1], x, atol=1e-9)
     cradle = cb.Oscillators(V=V, W="((Abs(r) - r)/2)**2.5", lattice=lattice)
     np.testing.assert_allclose(cradle.frequencies({}), 1)
+    x = np.random.default_rng(1).normal(size=(10, 30))
+    for named in ("Max(-r, 0)**2.5", "(-min(0, r))**2.5"):
+        same = cb.Oscillators(V=V, W=named, lattice=lattice)
+        for one, other in zip(slopes(same, 0.0, x, {}), slopes(cradle, 0.0, x, {}), strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-14, atol=1e-14)
 
 
 def test_energy_is_the_integral_of_the_frequency_over_the_action() -> None:
