@@ -77,6 +77,9 @@ def pair(gap: float) -> Callable[[Point], float]:
 
 # not where the test jumps
 ASTRAY = DefiningSystem({}, lambda curve, z, extra: np.array([z[-1] - 0.31]))
+BELOW = DefiningSystem(
+    {}, lambda curve, z, extra: z[-1:] - 0.3 - 3e-10, domain={"mu": (0.5, math.inf)}
+)
 FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
     **{
         f"two zeros within a step, {gap} apart": (
@@ -98,6 +101,9 @@ FOUND: dict[str, tuple[Event, dict[str, Any], list[float], float]] = {
     "any two integers": (Event("IN", lambda q: 2 if q["mu"] > 0.3 else 5), {}, [0.3], 1e-13),
     "a locus that leads astray": (
         Event("IN", lambda q: int(q["mu"] > 0.3), locus=lambda point: ASTRAY), {}, [0.3], 1e-13
+    ),
+    "a locus that leads beside it, outside of its domain": (
+        Event("EX", lambda q: q["mu"] - 0.3, locus=lambda point: BELOW), {}, [0.3], 1e-13
     ),
     "one of a test with a zero, on the same step": (
         Event("EX", lambda q: q["mu"] - 0.3, locus=lambda point: ASTRAY), {"steps": LONG}, [0.3],

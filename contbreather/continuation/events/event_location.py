@@ -269,6 +269,9 @@ def _solved(samples: StepSamples, u: float, left: float, right: float) -> Locate
             solution, detail = event.locus.solve(guess)
         else:  # H(x, p) = 0 and g(x, p, y) = 0 for x, the extra unknowns y and p at once
             locus, n = event.locus(guess), guess.curve.size
+            domain = {name: edges for name, edges in locus.domain.items() if name in guess.params}
+            if any(not low <= guess.params[name] <= high for name, (low, high) in domain.items()):
+                return None  # its conditions may hold all along the curve there
             # unknowns of the problem may have the same names
             own = {f"{name} of {event.kind}": value for name, value in locus.extra.items()}
             both = Curve(extended(guess.curve, replace(locus, extra=own)), ())
