@@ -134,16 +134,21 @@ class ZoneSearch:
             if math.isfinite(y) and (y > 0.0 or self.pair[1] != "a"):  # no forcing, no breather
                 self._scan(y, shown, axis=1)
         # a curve too narrow for the comb still shows where it meets others: look beside these, and
-        # between them, where one that leads from meeting to meeting has to pass
+        # between them, where one that leads from meeting to meeting has to pass; across, too, for
+        # at a resonance of a ring all of it is next to one x
+        for axis, name in enumerate(self.pair):
+            met, (low, high) = self._meetings(name), self.within[name]
+            beside = [x + step for x in met for step in BESIDE]
+            between = [0.5 * (x + other) for x, other in pairwise(met)]
+            for x in (*beside, *between):
+                if low <= x <= high:
+                    self._scan(x, shown, axis)
+
+    def _meetings(self, name: str) -> list[float]:
+        """Values of a parameter where curves meet one that was not found."""
         ends = [p for branches in self.curves.values() for b in branches for p in b.special]
         meetings = [p for p in ends if isinstance(p.event, CodimensionTwo)]
-        met = [p[self.pair[0]] for p in meetings if not self._passes(_followed(p), p)]
-        beside = [x + step for x in met for step in BESIDE]
-        between = [0.5 * (x + other) for x, other in pairwise(sorted(met))]
-        low, high = self.within[self.pair[0]]
-        for x in (*beside, *between):
-            if low <= x <= high:
-                self._scan(x, shown)
+        return sorted(p[name] for p in meetings if not self._passes(_followed(p), p))
 
     def _scan(self, x: float, shown: Counter, axis: int = 0) -> bool:
         """Follow every new event of admissible breathers at one value of a parameter, the first."""

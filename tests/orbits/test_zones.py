@@ -176,6 +176,19 @@ def test_a_curve_narrower_than_the_comb_is_found_between_its_meetings() -> None:
         assert there["gamma"] == pytest.approx(here["gamma"], abs=1e-9)
 
 
+@pytest.mark.slow
+def test_a_curve_from_meeting_to_meeting_next_to_one_gamma_is_found() -> None:
+    """At a resonance of a ring three folds meet NS at one gamma, and the curve between two of them
+    is 2e-5 wide."""
+    forcing = cb.Fourier(cos={1: -1.0, 3: -0.51}, sin={3: 0.257})
+    window = {"gamma": (0.244, 0.2475), "a": (0.005, 0.06)}
+    found = cb.zones(k=0.826, lattice=cb.Ring(14), forcing=forcing, within=window)
+    met = [p["a"] for fold in found["LP"] for p in fold.special if p.kind == "LP-NS"]
+    ends = [p["a"] for line in found["NS"] for p in line.special if p.kind == "NS-LP"]
+    assert len(met) == 3
+    assert min(met) == pytest.approx(min(ends), rel=1e-9)
+
+
 def test_a_curve_that_passes_between_two_values_of_the_comb_is_found_at_the_edges() -> None:
     """LP from omega = 2.117 on, by eq. (14) and in units of omega, and PF below gamma = 0.007."""
     (fold,) = cb.zones(k=0.65, a=0.6)["LP"]
