@@ -204,10 +204,13 @@ def test_doubtful_location_is_labelled_with_a_question_mark(in_a: Branch) -> Non
 
 
 def test_branches_have_different_colours_in_one_call_and_in_several(in_a: Branch) -> None:
-    other = cb.trace(cb.symmetric(0.5, 0.08, 0.8), "a", within={"a": (0.3, 0.6)})
+    other, third = (
+        cb.trace(cb.symmetric(0.5, gamma, 0.8), "a", within={"a": (0.3, 0.6)})
+        for gamma in (0.08, 0.06)
+    )
     ax = plots.plot(in_a, other).axes
     assert len({line.get_color() for line in curves(ax)}) == 2
-    plots.plot(in_a, ax=ax)
+    plots.plot(third, ax=ax)
     assert len({line.get_color() for line in curves(ax)}) == 3
 
 

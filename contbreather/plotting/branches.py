@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from contbreather.plotting import canvas
 from contbreather.plotting.canvas import CYCLE, GREY, Drawn
 
 if TYPE_CHECKING:
+    from matplotlib.artist import Artist
     from matplotlib.axes import Axes
     from matplotlib.axis import Axis
 
@@ -57,6 +59,10 @@ class Marker(NamedTuple):
 # the values of fixed parameters that other branches have elsewhere
 Group = tuple[str, tuple[tuple[str, float], ...]]
 
+# whose a line is: with what is drawn into the same axes later its colour has a meaning
+_OWNERS: WeakKeyDictionary[Artist, Branch] = WeakKeyDictionary()
+KEY = "_key"  # matplotlib's label of what a legend says of colours: said anew when branches come
+
 
 def plot_branches(
     *branches: Branch,
@@ -84,8 +90,11 @@ def plot_branches(
         canvas.name_axes(axes, axis_title(branches[0], x), axis_title(branches[0], y))
         if ax is None:
             axes.margins(0.08)  # for the names of points at the ends
-        groups = _groups(branches) if colours is None else []
-        key, shades = _colours(axes, branches, groups, colours)
+        lines = [line for line in axes.get_lines() if line in _OWNERS]
+        there = {_OWNERS[line]: line.get_color() for line in lines}
+        groups = _groups((*there, *branches)) if colours is None else []
+        old = dict(zip(groups, there.values(), strict=False))
+        key, shades = _colours(axes, branches, groups[len(there) :], colours, old)
         coloured = bool(groups) or colours is not None  # then colours say what they stand for
         styles: set[str] = set()
         marks: list[Marker] = []
@@ -132,7 +141,9 @@ def _lines(
         # two dashed lines in one place would look solid: the upper one hides the lower
         over: dict[str, Any] = {"gapcolor": axes.get_facecolor(), "zorder": 1.9}
         shade = GREY if style == UNKNOWN and not coloured else colour
-        axes.plot(*line, style, color=shade, marker=dot, **({} if style == STABLE else over))
+        look = {} if style == STABLE else over
+        (artist,) = axes.plot(*line, style, color=shade, marker=dot, **look)
+        _OWNERS[artist] = branch
     return styles
 
 
@@ -154,6 +165,8 @@ def _fitting_legend(
 
     plain = canvas.text_colour(drawn.axes)
     unknown = plain if coloured else GREY
+    if key:
+        drawn.told = [one for one in drawn.told if one[0].get_label() != KEY]
     values = {("", its): colour for (_, its), colour in key.items()}  # they may tell enough
     short = values if len(values) == len(key) else key
     for most, its in [(MANY - 1, key), *((most, short) for most in range(MANY - 1, -1, -1))]:
@@ -175,9 +188,10 @@ def _marked(branch: Branch, kinds: set[str] | None) -> list[Point]:
 
 
 def _colours(
-    ax: Axes, branches: Sequence[Branch], groups: Sequence[Group], given: Any
+    ax: Axes, branches: Sequence[Branch], groups: Sequence[Group], given: Any, old: dict[Any, str]
 ) -> tuple[dict[Any, str], list[str]]:
-    """Colours of groups, or of families, and of each branch; no two values have the same one."""
+    """Colours of groups, those that are there among them, or of families, and of each branch; no
+    two values have the same one."""
     if given is not None:
         from matplotlib.colors import is_color_like
 
@@ -189,7 +203,8 @@ def _colours(
     alike: Sequence[Any] = groups or _families(branches)
     # colours go on from what the axes show already
     taken = len({line.get_color() for line in ax.get_lines() if line.get_linestyle() != "None"})
-    order, cycle = list(dict.fromkeys(alike)), (*CYCLE[:-1], canvas.text_colour(ax))
+    order = [one for one in dict.fromkeys(alike) if one not in old]
+    cycle = (*CYCLE[:-1], canvas.text_colour(ax))
     key: dict[Any, str] = {one: cycle[(taken + i) % len(cycle)] for i, one in enumerate(order)}
     if groups and len(order) > len(cycle):
         from matplotlib import colormaps
@@ -199,6 +214,7 @@ def _colours(
         # its yellow is not seen on white
         shades = [to_hex(c) for c in colormaps["viridis"](np.linspace(0.0, 0.85, len(order)))]
         key = dict(zip(order, shades, strict=True))
+    key = {**old, **key}
     return key, [key[one] for one in alike]
 
 
@@ -427,9 +443,10 @@ def _legend_entries(
     entries: dict[str, dict[str, Any]] = {}
     for (kind, values), colour in shown:
         words = (f"{canvas.symbol(name)} = {x:g}" for name, x in values)
-        entries[", ".join(filter(None, (kind, *words))) or "branch"] = {"color": colour}
+        text = ", ".join(filter(None, (kind, *words))) or "branch"
+        entries[text] = {"color": colour, "label": KEY}
     if count and (left := len(key) - count):
-        entries[f"and {left} more"] = {"linestyle": "none"}
+        entries[f"and {left} more"] = {"linestyle": "none", "label": KEY}
     for style, stability in WORDS.items():
         if style in styles and styles != {STABLE}:
             colour = unknown if style == UNKNOWN else plain
