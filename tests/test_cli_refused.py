@@ -32,6 +32,7 @@ POINT --amplitude 3 >> Unknown option.*--amplitude
 POINT more >> 'more' belongs to no option; each value follows the name of its own
 figure 4 --walls -2,2 >> Unknown option: --walls\. See contbreather figure --help
 zone >> Unknown command "zone"\. Did you mean "zones"\? See contbreather --help
+trace >> Unknown command "trace"; there are point, branch, .*, run\. See contbreather --help
 branch --gamma 0.1 --k 0.8 >> parameter --free requires an argument
 run >> parameter STUDY requires an argument
 BRANCH --towards left >> "both", "up", "down"

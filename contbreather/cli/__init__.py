@@ -80,7 +80,10 @@ def _sentence(error: Exception) -> str:
 
     command = getattr(error, "command_chain", None) or ()
     text = " ".join(str(error).split())
-    text = text.partition(" Available commands")[0]  # a list that stops after eight
+    text, listed, _ = text.partition(" Available commands")  # a list that stops after eight
+    if listed and not text.endswith("?"):
+        names = ", ".join(name for name in application() if name.isalpha())
+        text = f"{text[:-1]}; there are {names}."
     if isinstance(error, UnusedCliTokensError):
         extra = " ".join(error.unused_tokens or ())
         text = f"{extra!r} belongs to no option; each value follows the name of its own, as --a 0.2"
