@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import cycle
 from textwrap import wrap
 from typing import Any
 from unicodedata import lookup
@@ -29,9 +30,9 @@ from contbreather.explorer.style import Theme
 from contbreather.lattice.chain import Ring
 from contbreather.orbits.orbit import Orbit
 from contbreather.orbits.zone_diagram import KINDS, Region, Zones
-from contbreather.plotting import branches
+from contbreather.plotting import branches, canvas
 from contbreather.plotting.multipliers import with_band
-from contbreather.plotting.orbits import BESIDE, MOMENTS, impacts_of
+from contbreather.plotting.orbits import BESIDE, MOMENTS, alike, impacts_of
 from contbreather.plotting.runs import with_impacts
 from contbreather.plotting.zones import LINES, names_of_meetings
 from contbreather.simulation.simulate import SimulationRun
@@ -403,8 +404,9 @@ class MotionView(OrbitView):
         self.figure = fig = _sheet(theme, "t/2π", "u", 260)
         look: dict[str, Any] = {"color": theme.faint, "line_dash": "dashed", "line_width": 1.5}
         self.walls = _drawn(fig, "multi_line", "xs", "ys", **look)
-        look = {"color": "colour", "line_width": 1.8, "legend_field": "site"}
-        self.lines = _drawn(fig, "multi_line", "xs", "ys", also=["colour", "site"], **look)
+        look = {"color": "colour", "line_dash": "dash", "line_width": 1.8, "legend_field": "site"}
+        columns = "multi_line", "xs", "ys"
+        self.lines = _drawn(fig, *columns, also=["colour", "dash", "site"], **look)
         self.hits = _drawn(fig, "scatter", "x", "y", also=["colour"], color="colour", size=8)
         _legend(fig, theme, "above", orientation="horizontal")
 
@@ -429,11 +431,16 @@ class MotionView(OrbitView):
         _say(self.figure, f"{name}: {run.periods} periods, {count} impacts; {outcome}")
 
     def _draw(self, by_site: dict[int, tuple[Array, Array]]) -> dict[int, str]:
-        colours = self.theme.colours(by_site)
-        lines = ((n, *thinned(t / PERIOD, u)) for n, (t, u) in by_site.items())
-        _fill(self.lines, ((t, u, colours[n], f"site {n}") for n, t, u in lines))
+        groups = alike({n: u for n, (_, u) in by_site.items()})
+        colours = self.theme.colours(map(tuple, groups))
+        dashes = cycle(DASHES[dash] for dash in canvas.DASHES)
+        _fill(self.lines, (
+            (*thinned(t / PERIOD, u), colour, dash, f"site {', '.join(map(str, its))}")
+            for (its, colour), dash in zip(colours.items(), dashes, strict=False)
+            for t, u in [by_site[its[0]]]
+        ))  # fmt: skip
         _reach(self.figure.x_range, [t[i] for t in self.lines.data["xs"] for i in (0, -1)])
-        return colours
+        return {n: colour for its, colour in colours.items() for n in its}
 
     def _bound(self, walls: Iterable[float]) -> None:
         finite = sorted({wall for wall in walls if np.isfinite(wall)})

@@ -95,7 +95,7 @@ def plot_orbit(
     t = np.linspace(0.0, whole.period, MOMENTS * whole.section.turns + 1)
     with canvas.drawing(ax) as (drawn, axes):
         motions = {n: whole.displacement(n, t) for n in chosen}
-        for i, its in enumerate(_alike(motions)):
+        for i, its in enumerate(alike(motions)):
             label = ", ".join(f"$u_{{{n}}}$" for n in its)
             axes.plot(t / (2 * math.pi), motions[its[0]], DASHES[i % len(DASHES)], label=label)
         for _, time, wall in impacts_of(whole, chosen):
@@ -141,13 +141,14 @@ def no_orbit(value: object, wanted: str) -> BadInput:
     return BadInput(f"{wanted} was expected, got {kind}: {instead}")
 
 
-def _alike(lines: Mapping[Any, Array]) -> list[list[Any]]:
+def alike(lines: Mapping[Any, Array]) -> list[list[Any]]:
     """Group what moves alike, as mirror images do: one line is seen."""
     least = 1e-9 * max(np.nanmax(abs(u)) for u in lines.values())
 
     def fit(*its: Any) -> bool:
         one, other = lines[its[0]], lines[its[-1]]
-        return np.allclose(one, other, rtol=0.0, atol=least, equal_nan=True)
+        same = one.shape == other.shape  # impacts of one site may be among the times of its line
+        return same and np.allclose(one, other, rtol=0.0, atol=least, equal_nan=True)
 
     return _grouped(lines, fit)
 
@@ -313,8 +314,8 @@ def draw_states(
     following = [*pieces[1:], *pieces[: cycle and x != TIME]]
     columns = {name: np.concatenate([piece[name] for piece in pieces]) for name in chosen}
     together = _of_one_size(columns)
-    alike = [its for names in together for its in _alike({n: columns[n] for n in names})]
-    words = {its[0]: ", ".join(map(canvas.symbol, its)) for its in alike}
+    groups = [its for names in together for its in alike({n: columns[n] for n in names})]
+    words = {its[0]: ", ".join(map(canvas.symbol, its)) for its in groups}
     shown = [name for name in chosen if name in words]
     with canvas.drawing(ax, 6.5 + 3.0 * (len(together) - 1)) as (drawn, axes):  # cm
         panels = panels_of(axes, len(together))

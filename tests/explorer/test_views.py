@@ -208,6 +208,14 @@ def test_the_motion_shows_each_site_between_its_walls() -> None:
         assert view.lines.data["site"] == [f"site {n}" for n in there]
 
 
+def test_sites_are_told_apart_in_grey_and_mirror_images_are_one_line() -> None:
+    view = views.MotionView(LIGHT)
+    view.show(B, (0, 1, -1, 2), "")
+    want = [("site 0", "solid"), ("site 1, -1", "dashed"), ("site 2", "dashdot")]
+    assert rows(view.lines, "site", "dash") == want
+    np.testing.assert_allclose(B.displacement(-1, 0.5), B.displacement(1, 0.5), rtol=1e-12)
+
+
 def test_a_simulated_site_is_seen_at_its_walls_however_coarsely_it_was_sampled() -> None:
     """Impacts are part of the line: the peak is at the wall, and not .95 between two walls at 1."""
     view = views.MotionView(LIGHT)
