@@ -374,6 +374,13 @@ def test_it_is_refused_in_a_sentence(made: Callable[[], Any], sentence: str) -> 
 # --- numbers as they come in ----------------------------------------------------------------------
 
 
+def test_a_start_behind_a_wall_is_refused_with_the_site_that_is() -> None:
+    orbit = cb.orbits.symmetric_roots(0.99, 0.2, 0.8)[0]
+    most = abs(orbit.displacement(1, np.linspace(0.0, 2.0 * np.pi, 10001))).max()
+    with pytest.raises(BadInput, match=rf"beyond GR: no breather: site 1 reaches .* {most:.5f}"):
+        cb.trace(orbit, "a")
+
+
 def test_real_takes_numbers_and_nothing_that_looks_like_one() -> None:
     for good in (2, 2.0, np.float32(2), np.int8(2), Fraction(2), np.array(2.0)):
         assert real(good) == 2.0

@@ -331,10 +331,12 @@ class ContinuationIterator:
                         f"{event.kind}, where such curves end (its test is {value:.3g}), as where "
                         "several events come at once"
                     )
+                words = f"its test is {value:.3g}, and only positive values are admissible"
+                if margins := getattr(start, "admissibility", None):  # of orbits between walls
+                    words = margins().reason.rstrip(".")
                 raise BadInput(
-                    f"the start lies beyond {event.kind}: its test is {value:.3g}, and only "
-                    "positive values are admissible; start elsewhere, or lift this rule by "
-                    f"inadmissible=True, with no {event.kind} among events"
+                    f"the start lies beyond {event.kind}: {words}; start elsewhere, or lift this "
+                    f"rule by inadmissible=True, with no {event.kind} among events"
                 )
         self.matrices = [event.matrix for event in events if event.matrix]
         self.growth = Growth(self.curve, way.bounds, start.z)
