@@ -656,6 +656,20 @@ def test_figures_belong_to_pyplot_if_the_caller_uses_it() -> None:
     pyplot.close(made)
 
 
+def test_what_was_drawn_before_pyplot_was_there_is_shown(in_a: Branch, monkeypatch) -> None:
+    from matplotlib import pyplot
+
+    with monkeypatch.context() as before:
+        before.delitem(sys.modules, "matplotlib.pyplot")
+        drawn = plots.plot(in_a)
+    assert drawn.figure.canvas.manager is None
+    shown: list[object] = []
+    monkeypatch.setattr(pyplot, "show", lambda: shown.append(pyplot.gcf()))
+    drawn.show()
+    assert shown == [drawn.figure]
+    pyplot.close(drawn.figure)
+
+
 # --- what plots return --------------------------------------------------------------------------
 
 

@@ -175,6 +175,14 @@ class Drawn(list["Artist"]):
         figure: Figure = self.axes.get_figure(root=True)
         return figure
 
+    def show(self) -> None:
+        """Open a window with the figure, as ``pyplot.show`` does, which has to be told of what was
+        drawn before pyplot was there."""
+        from matplotlib import pyplot
+
+        pyplot.figure(self.figure)
+        pyplot.show()
+
     def finish(self) -> None:
         """Take in what has come into the axes."""
         self[:] = [artist for artist in self.axes.get_children() if artist not in self._before]
