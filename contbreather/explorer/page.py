@@ -17,6 +17,7 @@ from typing import Any
 
 import panel as pn
 from bokeh.models.ui import UIElement
+from bokeh.themes import Theme
 from panel.io.notebook import block_comm, patch_inline_stylesheets
 
 from contbreather.errors import ContbreatherError
@@ -352,12 +353,15 @@ def in_template(explorer: Session) -> Any:
         stylesheets=[style.LINK],
         align="end",
     )  # fmt: skip
-    return pn.template.BootstrapTemplate(
+    template: Any = pn.template.BootstrapTemplate(
         title="contbreather explorer",
         theme="dark" if dark else "default",
         header=[link],
         main=[Page(explorer).layout],
     )
+    # figures have colours of their own, and titles in letters of a known size
+    template._design.theme.bokeh_theme = Theme(json={})
+    return template
 
 
 def for_notebook(explorer: Session, include: Any, exclude: Any) -> Any:

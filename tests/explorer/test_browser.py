@@ -302,3 +302,12 @@ def test_it_fits_its_window_wide_and_narrow(tab: Tab) -> None:
 def test_who_prefers_the_dark_is_given_it(tab: Tab) -> None:
     tab.page.get_by_role("link", name="light").wait_for()
     assert sum(tab.colour(tab.page.locator("body"), "backgroundColor")) < 3 * 64
+
+
+# of the titles of all figures
+TYPE = """() => [...Bokeh.documents[0]._all_models.values()]
+  .filter(one => one.type == "Title").map(one => one.text_font_size)"""
+
+
+def test_titles_on_dark_paper_are_in_the_type_by_which_their_lines_are_broken(tab: Tab) -> None:
+    assert {*tab.page.evaluate(TYPE)} == {"13px"}
