@@ -207,6 +207,22 @@ def test_what_is_nearer_to_zero_is_no_second_multiplier_minus_one_beside_a_large
     assert not branch.doubtful
 
 
+def test_a_curve_of_doublings_has_no_vanishing_coefficient_where_a_symmetry_doubles_it() -> None:
+    """Kopel's duopoly: of x = y the coefficient is (rho mu)^2/2, here 8 where both are 2, and two
+    curves of PD cross: 1 - rho -+ rho (mu - 2) is -1."""
+
+    def duopoly(u, p):
+        u = np.array(u)
+        return (1 - p["rho"]) * u + p["rho"] * p["mu"] * (u * (1 - u))[::-1]
+
+    start, params = {"x": 0.5, "y": 0.5}, {"rho": 0.5, "mu": 2.0}
+    branch = trace(FixedPoint(duopoly, start, params), "mu", within={"mu": (0.5, 6)})
+    assert branch.first("PD")["c"] == pytest.approx(0.5 * 2.5**2, rel=1e-9)
+    curve = boundary(branch.first("PD"), ("mu", "rho"), within={"mu": (0.5, 8), "rho": (0.05, 3)})
+    assert curve["rho"] == pytest.approx(2 / (curve["mu"] - 1), rel=1e-9)
+    assert kinds(curve) == ["PD-BP"]
+
+
 def test_a_tongue_of_a_map_is_walked_round_once() -> None:
     """Of z -> exp(2 pi i/3 + i m) z (1.3 - |z|^2) + 0.1 conj(z)^2, with three phases of a cycle."""
 

@@ -177,11 +177,14 @@ class Border:
     def _examine_zero(
         self, on: str, poles: tuple[float, ...], name: str, coefficient: Cubic, point: Point
     ) -> Examined:
-        known = coefficient(point, normal_forms.AGREED)
-        if abs(known.value.real) > 1e-6 * (known.size + normal_forms.Forms(point).cubic):
-            others = self.others(on, point)
-            if any((abs(others.values - place) < others.beside).any() for place in poles):
-                return NOTHING  # a pole, or where symmetry leaves none the zero that was to meet it
+        known, others = coefficient(point, normal_forms.AGREED), self.others(on, point)
+        zero = abs(known.value.real) <= 1e-6 * (known.size + normal_forms.Forms(point).cubic)
+        here = [place for place in poles if (abs(others.values - place) < others.beside).any()]
+        # a pole, or where symmetry leaves none the zero that was to meet it: of a value that is
+        # there twice the vector is any of a plane, and so is the coefficient
+        if self.real.get(on) in here or (here and not zero):
+            return NOTHING
+        if not zero:
             return f"{name} {known.value.real:.2g} is not zero"
         return "" if on in self.real else self.examine((on,), point)
 
