@@ -18,6 +18,7 @@ from contbreather.continuation import (
     Problem,
     Steps,
     Stop,
+    branch_point,
     fold,
     iterate,
     trace,
@@ -130,6 +131,22 @@ def test_an_event_exactly_at_a_bound_is_found() -> None:
     assert at_hopf[-1]["B"] == 2.0
     at_branch_point = trace(zoo.PITCHFORK.problem, "mu", within={"mu": (-1.0, 0.0)}, events=zoo.ALL)
     assert [point.label for point in at_branch_point.special] == ["EP1", "BP1"]
+
+
+def test_a_bent_branch_ends_on_the_edge_of_its_window_where_another_crosses_it() -> None:
+    def eaten(x, p):  # predators that die out at d = 5/4, where x = 1, y = 0
+        meal = 5 * x[0] / (1 + 3 * x[0])
+        return np.array([x[0] * (1 - x[0]) - meal * x[1], x[1] * (meal - p["d"])])
+
+    prey = Problem(eaten, {"x": 0.8, "y": 0.1}, {"d": 1.1}, events=[branch_point()])
+    branch = trace(prey, "d", within={"d": (0.5, 1.25)})
+    assert [branch[-1][name] for name in "dxy"] == pytest.approx([1.25, 1.0, 0.0], abs=1e-9)
+    growth = trace(zoo.logistic(), "r", within={"r": (1.0, 2.9)})
+    assert (growth[0]["r"], growth.began) == (1.0, Stop.BOUND)
+    assert growth["x"] == pytest.approx(1 - 1 / growth["r"], abs=1e-9)
+    for each in (branch, growth):
+        assert sorted(point.label for point in each.special) == ["BP1", "EP1"]
+        assert not each.doubtful
 
 
 def test_the_domain_of_a_problem_is_a_window_too() -> None:

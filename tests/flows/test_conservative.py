@@ -55,6 +55,16 @@ def backbone(**how):
 # --- families -----------------------------------------------------------------------------------
 
 
+def test_a_response_without_damping_is_traced_to_where_nothing_forces_it() -> None:
+    def forced(t, x, p):
+        return [x[1], -x[0] - x[0] ** 3 + p["F"] * np.cos(2 * t)]
+
+    start = cb.cycle(forced, {"u": 2.2, "v": 0.0}, {"F": 0.3}, period=np.pi)
+    branch = cb.trace(start, "F", within={"F": (0, 1)})
+    assert (branch[0]["F"], branch.began.name) == (0.0, "BOUND")
+    assert duffing_period(branch[0]["max(u)"]) == pytest.approx(np.pi, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_the_backbone_of_duffing_is_that_of_elliptic_functions() -> None:
     """In its period, in its energy, and in a parameter at a given period or energy."""

@@ -19,14 +19,14 @@ import numpy as np
 
 from ..algebra.linear_algebra import least_singular
 from ..algebra.newton import FEW, OUT_OF_DOMAIN, Array, Solution, Undefined
-from ..algebra.sparse import Dense, Factors
+from ..algebra.sparse import Dense, Factors, checked_finite
 from ..algebra.walk_kernel import AIM, CUBIC_ERROR, EASY, ITERATIONS, TINY, TURN, Pieces, Rules
 from ..curve.branch import Points, Stop
 from ..curve.curve import LEVEL, Curve
 from ..curve.derivative_checks import reconsider
 from ..curve.point import MANY, Event, Point
 from ..curve.settings import Steps
-from ..events.step_interpolant import StepInterpolant
+from ..events.step_interpolant import StepInterpolant, closest_tangent
 from ..systems.branch_points import GAP, crossing
 from .ends import Bound, StartOnCurve
 
@@ -288,15 +288,17 @@ class Stepper:
         if landing is None:
             solution = self.correct(guess, row, point.z)
             z, landing = self._within(point.z, solution.z, EXACT * (1 + far), short)
+        tangent: Array | None = None
         if landing is not None:
-            z, solution = self._land(point, predicted, *landing)
+            z, solution, tangent = self._land(point, predicted, *landing)
         # examine: one smooth piece of curve, without a branch point that is not known
         length = curve.length(z - point.z)
         # the corrector moves across the step: this far it has left for another piece of curve
         if not 0.0 < length <= 2.0 * size:
             raise StepFailed("the corrector left the neighbourhood of the step")
-        factors = curve.factors(z, row)
-        tangent, side = curve.tangent_at(z, way, factors)
+        factors, side = curve.factors(z if tangent is None else point.z, row), 0
+        if tangent is None:
+            tangent, side = curve.tangent_at(z, way, factors)
         turn = _angle(curve, way, tangent)
         self._examine(point, z, tangent, length, turn, factors)
         # where the determinant vanishes, linearly, next to the end: its tangent is of neither curve
@@ -366,14 +368,18 @@ class Stepper:
 
     def _land(
         self, point: Point, predicted: Array, bound: Bound, value: float
-    ) -> tuple[Array, Solution]:
-        """The place on a bound where a step across it ends, and the solution next to it."""
+    ) -> tuple[Array, Solution, Array | None]:
+        """The place on a bound where a step across it ends, the solution next to it, and its
+        tangent where curves cross there."""
         start, end = bound.value(point.z), bound.value(predicted)
         # on the chord of the predictor, where all is linear but norms
         fraction = (value - start) / (end - start) if end != start else 1.0
         guess = bound.with_value(point.z + min(fraction, 1.0) * (predicted - point.z), value)
+        crosses, tangent = self._crossing_at(point, guess, bound, value), None
+        if crosses:
+            z, solution, tangent = crosses
         # a norm is not linear: once more from the point it led to, where its error is squared
-        for _ in range(6):
+        for _ in () if crosses else range(6):
             solution = self.correct(guess, bound.row(guess))
             # Newton's linear condition holds to rounding; make it exact
             z = bound.with_value(solution.z, value)
@@ -383,7 +389,31 @@ class Stepper:
         others = (other for other in self.bounds if other is not bound)
         if any(not other.low <= other.value(z) <= other.high for other in others):
             raise StepFailed("two bounds within one step")
-        return z, solution
+        return z, solution, tangent
+
+    def _crossing_at(
+        self, point: Point, guess: Array, bound: Bound, value: float
+    ) -> tuple[Array, Solution, Array] | None:
+        """The place on a bound where curves cross, or do so within rounding: Newton's iteration on
+        it is singular there, and ends off both by the root of what it leaves of the equations."""
+        curve = self.curve
+        try:
+            near, before = (
+                least_singular(checked_finite(curve.balanced(curve.jacobian(z)))).size
+                for z in (guess, point.z)
+            )
+            if near > 0.5 * before:
+                return None
+            found = crossing(curve, guess)
+        except Undefined:
+            return None
+        place = found.solution.z
+        way = closest_tangent(found.tangents, curve.metric * (place - point.z))
+        off, slope = value - bound.value(place), float(bound.row(place) @ way)
+        z = bound.with_value(place + (off / slope if slope else 0.0) * way, value)
+        if not curve.length(z - place) <= GAP * (1 + curve.length(z)):
+            return None
+        return z, found.solution, way
 
     def _crossing_on(self, segment: StepInterpolant, before: int) -> Point | None:
         """Locate a change of sign of the determinant: by halving, then by a system of its own."""
