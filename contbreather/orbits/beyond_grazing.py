@@ -191,7 +191,7 @@ def _touching(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
         )
     if not contacts:
         raise BadInput(f"no site touches a wall but in its impacts: {orbit.admissibility().reason}")
-    return tuple(contacts), _with_impacts(orbit, (*orbit.impacts, *contacts))
+    return tuple(contacts), orbit_with(orbit, (*orbit.impacts, *contacts))
 
 
 def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
@@ -209,11 +209,11 @@ def _vanished(orbit: Orbit) -> tuple[tuple[Impact, ...], Orbit]:
             "all impacts vanish: what is left is the lattice that follows its forcing alone, and "
             "just comes to its walls"
         )
-    there = _with_impacts(orbit, left)
+    there = orbit_with(orbit, left)
     return lost, simpler_than(there) or there
 
 
-def _with_impacts(orbit: Orbit, impacts: Iterable[Impact]) -> Orbit:
+def orbit_with(orbit: Orbit, impacts: Iterable[Impact]) -> Orbit:
     """The orbit with these impacts in order of time, as a guess."""
     listed = sorted(impacts, key=lambda impact: (impact.time, impact.site))
     section = replace(orbit.section, impacts=tuple(impact[:2] for impact in listed))

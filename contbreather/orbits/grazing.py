@@ -22,6 +22,7 @@ from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import CodimensionTwo, DefiningSystem, Event, Many, Point
 from contbreather.continuation.curve.ties import chained
 from contbreather.continuation.systems.defining_systems import linear_condition
+from contbreather.orbits.beyond_grazing import orbit_with
 from contbreather.orbits.clearance import (
     Clearance,
     closest,
@@ -115,14 +116,18 @@ def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
     displacement = motion.at(site, t)[0]
     place = min(motion.walls(site), key=lambda wall: abs(displacement - wall))
     followed = orbit.representation.grazing_site(site)
-    # of an orbit that is its own mirror image the maximum comes again at the other wall
-    mirrored = False
-    if not section.symmetric and section.turns % 2:
-        later = motion.at(site, t + 0.5 * section.period)[0]
-        mirrored = abs(displacement + later) < IMAGE
-    other = _OtherContact(site, mirrored, followed.scale)
+    other = _OtherContact("GR", site, _is_mirrored(orbit, site, t), followed.scale)
     events = *followed.further, other.event(), _VANISHING
     return followed.locus(place, t, events=events, meets=followed.meets)
+
+
+def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
+    """Whether what a site does at a time comes again at the other wall, of an orbit that is its own
+    mirror image with its whole period written out."""
+    if orbit.section.symmetric or orbit.section.turns % 2 == 0:
+        return False
+    now, later = (orbit.motion.at(site, at)[0] for at in (t, t + 0.5 * orbit.section.period))
+    return bool(abs(now + later) < IMAGE)
 
 
 def _examine(point: Point) -> dict[str, Any]:
@@ -139,21 +144,26 @@ GRAZING = Event("GR", _margin, many=_margins, ends="domain", locus=_locus, exami
 
 @dataclass(frozen=True)
 class _OtherContact:
-    """Clearance of all else where one local maximum grazes: there its curve ends."""
+    """Clearance of all else where a site touches its wall, by the kind of point that it is on whose
+    curve: a local maximum at GR, an impact at VI. There the curve ends."""
 
+    kind: str
     site: int
     mirrored: bool
-    scale: Callable[[Point], float] | None
+    scale: Callable[[Point], float] | None = None
+    gone: tuple[int, ...] = ()
+    """Impacts that vanish, the first of them that contact."""
 
     def event(self) -> Event:
-        base = Event("GR", self.margin, ends="domain", locus=self.locus)
-        return CodimensionTwo("GR-GR", self.test, ends="domain", base=base, examine=self.examine)
+        base, name = Event("GR", self.margin, ends="domain", locus=self.locus), f"{self.kind}-GR"
+        return CodimensionTwo(name, self.test, ends="domain", base=base, examine=self.examine)
 
     def closest(self, point: Point) -> Clearance:
-        motion = point.solution.motion
-        return smallest_margins(
-            other_contacts(motion, self.site, point["t"], mirrored=self.mirrored)
-        )
+        orbit: Orbit = point.solution
+        t = orbit.times[self.gone[0]] if self.gone else point["t"]
+        left = [impact for j, impact in enumerate(orbit.impacts) if j not in self.gone]
+        motion = orbit_with(orbit, left).motion if self.gone else orbit.motion
+        return smallest_margins(other_contacts(motion, self.site, t, mirrored=self.mirrored))
 
     def margin(self, point: Point) -> float:
         return self.closest(point).margin
@@ -236,15 +246,20 @@ def shallow_impact(orbit: Orbit) -> DefiningSystem:
     `Undefined` where they do not, or with k = 0. Others that do so there are its images under a
     symmetry of the orbit, and go with it.
     """
-    j, gone = int(abs(orbit.speeds).argmin()), np.flatnonzero(abs(orbit.speeds) < VANISHED)
+    speeds = abs(orbit.speeds)
+    j, gone = int(speeds.argmin()), np.flatnonzero(speeds <= max(VANISHED, speeds.min()))
     slope = orbit.representation.speed_slope(j)
     if slope is None:
         raise Undefined("an impact itself loses its velocity: no grazing to follow")
     if orbit.k == 0.0:
         raise Undefined("with k = 0 a site rests on its wall: no orbit of impacts continues")
     meets: dict[str, tuple[Event, ...]] = dict.fromkeys(("BP", "NS"), ())
-    other = Event("VI-VI", partial(_others_last, gone), ends="domain")
-    return DefiningSystem({}, partial(_velocity, j), slope, events=(other,), meets=meets)
+    events: list[Event] = [Event("VI-VI", partial(_others_last, gone), ends="domain")]
+    if gone.size < orbit.section.count:  # else all sites follow the forcing, up to their walls
+        site, _, t, _ = orbit.impacts[gone[0]]
+        mirrored = _is_mirrored(orbit, site, t)
+        events.append(_OtherContact("VI", site, mirrored, gone=tuple(gone.tolist())).event())
+    return DefiningSystem({}, partial(_velocity, j), slope, events=tuple(events), meets=meets)
 
 
 def _velocity(j: int, curve: Curve, z: Array, extra: Array) -> Array:

@@ -97,3 +97,17 @@ def test_impacts_that_vanish_together_by_symmetry_do_so_all_along():
     assert not line.doubtful
     touching = np.hypot(0.3 - line["omega"] ** 2, 0.1 * line["omega"])
     assert line["a"] == pytest.approx(touching, abs=1e-10)
+
+
+def test_a_curve_of_vanishing_impacts_ends_where_another_site_comes_to_its_wall():
+    """The place is that of Newton's method on flows by exponentials of matrices, with no impact
+    but the one that is left."""
+    on = {"lattice": cb.OpenChain(3, ends="fixed"), "damping": 0.0431}
+    start = cb.multibreather([0, 1], a=0.53, gamma=0.0396, k=0.7169, **on)
+    vanishing = cb.trace(start, "a").first("VI")
+    line = cb.boundary(vanishing, ("k", "a"), within={"k": (0.05, 0.9)})
+    assert [point.label for point in line.special] == ["VI-GR1", "VI-PF1", "EP1"]
+    end = line.first("VI-GR")
+    assert (end["site"], end["k"], end["a"]) == pytest.approx((2, 0.185145509613, 0.96142546685))
+    u = [point.solution.displacement(2, np.linspace(0.0, np.pi, 999)) for point in line]
+    assert np.abs(u).max() < 1.0 + 1e-9
