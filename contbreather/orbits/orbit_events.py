@@ -371,11 +371,14 @@ def _from_real(mu: float, point: Point) -> float:
 
 def _is_double(mu: float, point: Point) -> str:
     map = point.solution.map
-    if np.sort(abs(map.coupled - mu))[1] > DOUBLE:
+    apart = np.sort(abs(map.coupled - mu))[1]
+    if apart > DOUBLE:
         return f"{mu:.6g} is not a double multiplier"
-    # a Jordan block has one null vector; two multipliers that only pass each other have two
+    # a Jordan block has one null vector, however weak it is; two that only pass each other have two
     pair = np.linalg.svd(map.matrix - mu * np.eye(len(map.matrix)), compute_uv=False)[-2]
-    return "" if pair > DOUBLE else f"two multipliers {mu:.6g} that pass each other and stay a pair"
+    if pair > min(DOUBLE, apart / DOUBLE):
+        return ""
+    return f"two multipliers {mu:.6g} that pass each other and stay a pair"
 
 
 def _examine_angle(point: Point) -> str:

@@ -177,6 +177,25 @@ def test_pairs_that_pass_each_other_on_the_axis_do_not_end_a_curve() -> None:
     assert "pass each other" in line.doubtful[0].detail["reason"]
 
 
+@pytest.mark.slow
+def test_a_curve_of_pairs_ends_where_they_merge_however_weak_their_coupling() -> None:
+    """Two R2 lie 1.4e-4 apart; the place is that of Newton's method on the sum and the product of
+    the pair, of flows by exponentials of matrices."""
+    seed = {"t1": -1.89, "t2": -0.14, "t3": 1.25, "t4": 2.99}
+    on = {"sequence": [(0, 1), (2, 1), (0, -1), (2, -1)], "a": 0.108, "damping": 0.0034}
+    drive = cb.Fourier(cos={1: -1.0, 2: 0.038}, sin={2: -0.036})
+    ring = cb.Lattice(2 * np.eye(3) - (1 - np.eye(3)), drive=[0.956, 0.678, 1.166])
+    given = {"k": 0.734, "lattice": ring, "forcing": drive}
+    start = cb.shooting(seed, gamma=0.0424, spring=0.169, **on, **given)
+    point = cb.trace(start, "a", within={"a": (0.1, 0.108)}).first("NS")
+    on = {"spring": (0.155, 0.17), "a": (0.1, 0.12)}
+    line = cb.boundary(point, ("spring", "a"), within=on, steps=cb.Steps(largest=0.02))
+    place = line.first("R2")
+    assert place in (line[0], line[-1])
+    assert (place["spring"], place["a"]) == pytest.approx((0.15907438, 0.11090285), abs=1e-8)
+    assert len(line.special) == 2
+
+
 # --- lattices ---------------------------------------------------------------------------------
 
 
