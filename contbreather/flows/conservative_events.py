@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..continuation.algebra.linear_algebra import solved
 from ..continuation.algebra.newton import Array
-from ..continuation.algebra.sparse import Dense, Factors, dense, is_sparse
+from ..continuation.algebra.sparse import Dense, Factors, any_vector, dense, is_sparse
 from ..continuation.bifurcations.equilibria import fold
 from ..continuation.bifurcations.multiplier_events import meeting, unresolved
 from ..continuation.branches.boundary import codim_two
@@ -82,19 +82,25 @@ def _examine_flip(point: Point) -> Examined:
 
 def turn_of_energy(point: Point) -> float:
     """Solve for the change of the energy along the family at given parameters, for a change of the
-    period: it vanishes where a pair is at +1 and branches do not cross. On a walk it is times how
-    the free parameter moves, at the folds of which it has no pole then."""
-    base, curve = point.base_point, point.base_point.curve
-    if (places := equations_of(base).longer(base.x, base.params)) is None:
+    period: it vanishes where a pair is at +1 and branches do not cross. It is times how the free
+    parameter moves, at the folds of which it has no pole then."""
+    base, curve, n = point.base_point, point.base_point.curve, point.base_point.curve.size
+    equations, along = equations_of(base), base.tangent
+    if (places := equations.longer(base.x, base.params)) is None:
         return math.nan
-    right, along = np.eye(1, curve.size, places[0])[0], base.tangent
-    if along is None:
-        matrix = curve.in_unknowns(base.z)
-        change = (Factors if is_sparse(matrix) else Dense)(matrix).least(right)
+    if along is None:  # as if one of the parameters were free that are not the period
+        free = next((k for k, name in enumerate(curve.free) if name != equations.held), 0)
+        matrix, row = curve.jacobian(base.z)[:, [*range(n), n + free]], any_vector(n + 1)
+        factors = Factors(matrix) if is_sparse(matrix) else Dense(matrix, row)
+        null, side = factors.tangent(row)
+        if null is None:
+            return math.nan
+        along = side * null / np.linalg.norm(null)
     else:
         row = curve.metric * along
-        way, _ = curve.factors(base.z, row).correction(right, row)
-        change = along[-1] * way[:-1] - way[-1] * along[:-1]
+        factors = curve.factors(base.z, row)
+    way, _ = factors.correction(np.eye(1, n, places[0])[0], row)
+    change = along[-1] * way[:-1] - way[-1] * along[:-1]
     return float(places[1] @ change)
 
 

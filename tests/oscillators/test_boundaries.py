@@ -434,3 +434,21 @@ def test_curves_of_kc_keep_to_their_own_two_pairs() -> None:
         mu = np.linalg.eigvals((np.array(ends[:20]) - ends[20:]).T / 2e-5)
         meeting = np.sort(abs(mu - np.exp(1j * point["angle"])))
         assert meeting[1] < 1e-4 < 1e-2 < meeting[2]
+
+
+def test_folds_in_the_energy_go_on_past_the_largest_coupling() -> None:
+    """There branches fold at a given frequency, too; an integrated half has a second index 1 on
+    either side."""
+    star = cb.Lattice.from_graph(nx.star_graph(3))
+    chain = cb.Oscillators(V="(1 - exp(-u))**2/2", W="c*r**2/2", lattice=star)
+    pair = cb.breather(chain, {0: 1, 2: 1}, omega=0.77, params={"c": 0.02})
+    turn = cb.trace(pair, "c", within={"c": (0.02, 0.1)}).first("LP")
+    assert turn.detail["said"] == "a fold in the energy, not in the period"
+    curve = cb.boundary(turn, ("c", "omega"), within={"omega": (0.76, 0.84)})
+    assert sorted(point["omega"] for point in curve.special) == pytest.approx([0.76, 0.84])
+    for point in curve.special:
+        u, time = point.solution.state()[0], np.pi / point["omega"]
+        end, blocks = half_map(MORSE, stiffness(star), point["c"], u, time)
+        assert abs(end[4:]).max() < 1e-9
+        off = np.linalg.eigvals(blocks["uv"].T @ blocks["vu"])
+        assert np.sort(abs(off))[1] < 1e-6  # its own velocity has the first
