@@ -336,10 +336,13 @@ class Cycle(HtmlRepr):
                 motion = partial(states_along, [flight])
                 if found := kink(flow.f, motion, times, self.params):
                     t, x = found
-                    return (
-                        f"the field is not smooth {place(t, x)}: give what holds on either side "
-                        "as a Flow with `until`, or with `at` where a clock decides"
+                    advice = (
+                        "give what holds on either side as a Flow with `until`, or with `at` where "
+                        "a clock decides"
                     )
+                    if flow.until and not times[1] < t < times[-2]:  # so it is given: a power law
+                        advice = "where a flow begins or ends; collocation=Collocation(intervals=)"
+                    return f"the field is not smooth {place(t, x)}: {advice}"
         return ""
 
     @property

@@ -537,6 +537,29 @@ def test_events_of_a_forced_orbit_that_a_kink_displaces_are_in_doubt_and_say_whe
     assert "as a Flow with `until`" in place.detail["reason"]
 
 
+@pytest.mark.slow
+def test_a_fold_of_a_contact_of_hertz_s_kind_in_pieces_asks_for_intervals_and_has_its_label() -> (
+    None
+):
+    """A tip that taps a sample; the pieces were asked for that were given. Shot by scipy."""
+
+    def tip(force: Any) -> Any:
+        return lambda t, x, p: [x[1], 0.2 * np.cos(p["w"] * t) - 0.1 * x[1] - x[0] + force(x[0])]
+
+    deep = tip(lambda u: 40 * np.maximum(-0.95 - u, 0) ** 1.5 - 0.2)
+    flows = [
+        cb.Flow(deep, until=lambda t, x, p: -0.95 - x[0]),
+        cb.Flow(tip(lambda u: -0.0005 / (1 + u) ** 2), until=lambda t, x, p: 0.95 + x[0]),
+    ]
+    at: dict[str, Any] = {"start": {"x": -0.95, "v": -1.5}, "params": {"w": 1.28}, "t0": 8.3}
+    at |= {"period": lambda p: 2 * np.pi / p["w"], "settle": 60}
+    few, many = (cb.cycle(flows, **at, collocation=cb.Collocation(n)) for n in (20, 160))
+    (place,) = cb.trace(few, "w", within={"w": (1.28, 1.3)}).doubtful
+    assert place.detail["reason"].endswith("collocation=Collocation(intervals=)")
+    fold = cb.trace(many, "w", within={"w": (1.28, 1.3)}).first("LP")
+    assert fold["w"] == pytest.approx(1.286242905, abs=1e-8)
+
+
 def test_a_fold_that_a_kink_in_time_displaces_is_in_doubt() -> None:
     """Duffing's oscillator under a triangle wave: its label was 1.2e-4 off."""
 
