@@ -647,7 +647,7 @@ def _touches(orbit: Cycle, flow: int) -> bool:
     assert until is not None
     lasts = orbit.flights[(flow + 1) % len(orbit.flights)].duration
     bend = abs(_Reached(equations, flow, until, 1.0, slice(1)).bend(orbit))
-    return bool(1e-2 * abs(rate) < bend * max(lasts, SHORTEST * orbit.period))
+    return bool(1e-2 * abs(rate) < bend * abs(lasts))
 
 
 def _collisions(orbit: Cycle) -> Iterator[Margin]:

@@ -326,3 +326,35 @@ def test_a_runner_whose_leg_lands_at_full_length_touches_nothing_there() -> None
     branch = cb.trace(runner, "angle", within={"angle": (1.117, 1.16)})
     assert [point.kind for point in branch.special] == ["EP", "PD", "EP"]
     assert branch.first("PD")["angle"] == pytest.approx(1.14945514, abs=1e-8)
+
+
+def test_a_curve_of_two_conditions_at_once_ends_where_one_of_them_is_only_just_reached() -> None:
+    """Vocal folds of two masses, which close both (Steinecke and Herzel 1995): it ended 1.4e-3 of
+    the pressure before, as CC-GR. Shot by scipy, without the flows that last no time."""
+
+    def folds(push: Any, below: float = 0.0, above: float = 0.0) -> Any:
+        def f(t: Any, x: Any, p: Any) -> Any:
+            areas, pull = 0.05 / 2.8 + x[::2], 0.02 * x[1::2] + 0.025 * (x[::2] - x[2::-2])
+            lower = 0.35 * p["Ps"] * push(areas) - 0.24 * below * areas[0] - 0.08 * x[0]
+            upper = -0.024 * above * areas[1] - p["k"] * x[2]
+            return [x[1], (lower - pull[0]) / 0.125, x[3], (upper - pull[1]) / 0.025]
+
+        return f
+
+    def area(i: int, sign: float = 1.0) -> Any:
+        return lambda t, x, p: sign * (0.05 / 2.8 + x[i])
+
+    flows = [
+        cb.Flow(folds(lambda areas: 1.0 - (areas[1] / areas[0]) ** 2), lambda t, x, p: x[0] - x[2]),
+        cb.Flow(folds(lambda areas: 0.0), area(0)),
+        cb.Flow(folds(lambda areas: 0.0, 1.0), area(2)),
+        cb.Flow(folds(lambda areas: 0.0, 1.0, 1.0), area(0, -1.0)),
+        cb.Flow(folds(lambda areas: 1.0, 0.0, 1.0), area(2, -1.0)),
+    ]
+    start = {"x1": -0.01098846, "v1": 0.02085345, "x2": -0.01785714, "v2": 0.00721526}
+    orbit = cb.cycle(flows, start, {"Ps": 0.0052, "k": 0.021}, settle=40)
+    both = cb.trace(orbit, "Ps", within={"Ps": (0.0048, 0.0053)}).first("CC")
+    curve = cb.boundary(both, ("Ps", "k"), within={"k": (0.0209, 0.05)})
+    (end,) = (point for point in curve.special if point.kind != "EP")
+    assert end.kind == "CC-CC"
+    assert (end["Ps"], end["k"]) == pytest.approx((0.00493933, 0.02148068), rel=1e-6)
