@@ -332,14 +332,23 @@ def turned(x, p):
     return (p["mu"] - x @ x) * x
 
 
+def grid(x, p):
+    """Machines in a ring; their angles count from anywhere."""
+    angle, speed = np.split(x, 2)
+    power = np.where(np.arange(angle.size) == 0, p["mu"], -p["mu"] / (angle.size - 1))
+    flows = np.sin(np.roll(angle, 1) - angle) + np.sin(np.roll(angle, -1) - angle)
+    return np.concatenate([speed, power - 0.5 * speed + flows])
+
+
 @pytest.mark.parametrize(
     ("residual", "start", "params"),
     [(reaction, (2.0, 0.5), {"k": 1.0}), (reaction, (1.9, 0.6), {"k": 1.0}),
      (turned, (0.6, 0.8), {"mu": 1.0}), (turned, (0.6, 0.7), {"mu": 1.0}),
+     (grid, (1.0, 1.1, 1.2, 1.3, 1.4) + (0.0,) * 5, {"mu": 0.5}),
      (lambda x, p: 0 * x, (0.6, 0.7), {"mu": 1.0}), (two_totals, (2.0, 0.5, 1.0), {"k": 1.0})],
 )  # fmt: skip
 def test_a_start_on_a_surface_of_solutions_is_refused_with_what_to_do(residual, start, params):
-    problem = Problem(residual, dict(zip("xyz", start, strict=False)), params)
+    problem = Problem(residual, dict(zip("xyzuvwabcd", start, strict=False)), params)
     with pytest.raises(BadInput, match=r"fill a surface.*add \(total - it\)"):
         trace(problem, min(params), within={"x": (0.1, 5.0)})
 

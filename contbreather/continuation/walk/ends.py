@@ -18,6 +18,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from copy import copy
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,7 @@ from numpy.typing import ArrayLike
 from ...errors import BadInput, NotConverged
 from ..algebra.linear_algebra import LOST, least_singular, sense
 from ..algebra.newton import Array, Undefined, approach, newton
-from ..algebra.sparse import checked_finite, dense, is_sparse, scaled
+from ..algebra.sparse import checked_finite, dense, is_sparse, scaled, shortest
 from ..curve.branch import Points
 from ..curve.curve import AHEAD, LEVEL, Curve
 from ..curve.derivative_checks import check_start, reconsider
@@ -221,6 +222,8 @@ def _nearest(curve: Curve, domain: Sequence[Bound], tolerance: float) -> tuple[C
         solution = newton(curve, z, curve.metric * tangent, tolerance=tolerance)
     except Undefined:
         return None
+    if not solution.converged and _fill_surface(curve, z, tangent):
+        raise BadInput(SURFACE)
     off = curve.length(solution.z - curve.start)
     inside = all(bound.low <= bound.value(solution.z) <= bound.high for bound in domain)
     # so far, relative to 1 + |z|, the nearest solution may be
@@ -282,12 +285,12 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
             branch_point = crossing(curve, z)
             tangent = closest_tangent(branch_point.tangents, curve.metric * along)
             near = curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z))
-            if near and not _fill_surface(curve, tangent):
+            if near and not _fill_surface(curve, z, tangent):
                 return tangent, 0
         except Undefined:
             pass  # no branch point: a fold, or badly scaled equations
     tangent, sign = curve.tangent_at(z, along)
-    if singular and _fill_surface(curve, tangent):
+    if singular and _fill_surface(curve, z, tangent):
         raise BadInput(SURFACE)
     # a parameter that changes by less, of the length of the curve: nearly a fold
     if abs(tangent[-1]) > 1e-3:
@@ -306,18 +309,21 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     return curve.tangent_at(z, tangent)
 
 
-def _fill_surface(curve: Curve, tangent: Array) -> bool:
+def _fill_surface(curve: Curve, z: Array, tangent: Array) -> bool:
     """Tell whether solutions fill a surface: a rank is lost a little further on as at the start. A
     boundary sets out from a point of a branch, where this was asked."""
-    z = curve.start
     if curve.problem.beneath is not None or not _loses_rank(curve, z):
         return False
-    ahead = z + AHEAD * (1 + curve.length(z)) * tangent
+    z = z + AHEAD * (1 + curve.length(z)) * tangent
     try:
-        solution = newton(curve, ahead, curve.metric * tangent)
+        # by the shortest of all steps: where a rank is lost no condition makes them regular
+        for _ in range(3):
+            matrix, value = curve.balanced(curve.jacobian(z)), curve.equations(z) / curve.row_scales
+            least = least_singular(matrix).rest if is_sparse(matrix) else partial(shortest, matrix)
+            z = z - curve.scales * least(value)
     except Undefined:
         return False
-    return solution.converged and _loses_rank(curve, solution.z)
+    return _loses_rank(curve, z)
 
 
 def _loses_rank(curve: Curve, z: Array) -> bool:
