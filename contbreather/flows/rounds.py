@@ -122,10 +122,13 @@ def _in_phase(equations: FlowEquations, x: Array, p: Params) -> tuple[Array, ...
     # in phase this rises through zero, and half a turn later it falls
     rises, written = np.diff(off), list[Array]()
     for i in np.flatnonzero((off[:-1] <= 0) & (off[1:] > 0)):
-        guess = start + period * (i // count - past + at[i % count] - off[i] / rises[i] * steps[i])
-        nearby = guess + 0.1 * period * steps[i]
-        found = newton(lambda t: equations.out_of_phase(begun(t)), guess, x1=nearby, disp=False)
-        written.append(begun(found))
+        guess = i // count - past + at[i % count] - off[i] / rises[i] * steps[i]
+        # in periods: the tolerance of `newton` is absolute
+        found = newton(
+            lambda turn: equations.out_of_phase(begun(start + turn * period)),
+            guess, x1=guess + 0.1 * steps[i], disp=False,
+        )  # fmt: skip
+        written.append(begun(start + found * period))
     return tuple(written)
 
 

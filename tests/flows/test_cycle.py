@@ -1212,3 +1212,17 @@ def test_a_cycle_says_how_many_multipliers_are_on_the_circle() -> None:
     branch = cb.trace(start, "m", within={"m": (-0.3, 0.0)}, towards="down")
     assert repr(branch[0].solution).endswith(", 0 unstable>")
     assert repr(branch.first("LP").solution).endswith(", 0 unstable, 1 on the unit circle>")
+
+
+def test_a_branch_of_cycles_of_a_long_period_warns_of_nothing() -> None:
+    """In periods of 1e13 a phase was looked for to 1e-8, less than rounding, with a warning of
+    SciPy's. The Brusselator has its Hopf point at B = 1 + A^2, with the frequency A."""
+
+    def brusselator(t, x, p):
+        reacts = x[0] ** 2 * x[1]
+        return 1e-13 * (1 - (p["B"] + 1) * x[0] + reacts), 1e-13 * (p["B"] * x[0] - reacts)
+
+    rest = cb.equilibrium(brusselator, {"x": 1.0, "y": 1.5}, {"B": 1.5})
+    hopf = cb.trace(rest, "B", within={"B": (1.0, 3.0)}).first("HB")
+    (cycles,) = cb.switch(hopf, within={"B": (1.0, 2.3)})
+    assert cycles["period"][0] == pytest.approx(2e13 * np.pi, rel=1e-4)
