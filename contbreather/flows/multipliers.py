@@ -159,9 +159,12 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
     """By the triangular factors R of ``A_j Q_j = Q_{j+1} R_j``: their product is similar to that of
     the A once Q has come around to itself, but for blocks of multipliers of about one size."""
     n = len(factors[0])
-    basis, sizes, cuts = np.eye(n), np.zeros(n), [0]
+    basis, sizes, cuts, worst = np.eye(n), np.zeros(n), [0], math.inf
+    # where a pair is cut its halves turn into each other, by the inverse of how far it stretches
+    # one of them beyond the other: up to the root of 1/eps that is told from rounding
+    settled = np.finfo(float).eps ** 0.5
     for _ in range(40):  # directions so far apart settle in six
-        before, rounds, earlier = basis, [], cuts
+        before, rounds, earlier, was = basis, [], cuts, worst
         for factor in factors:
             basis, triangle = np.linalg.qr(factor @ basis)
             rounds.append(triangle)
@@ -170,12 +173,12 @@ def _separated(factors: Sequence[Array]) -> NDArray[np.complex128]:
         # told apart; the small ones come first where a subspace of them stays as it is
         cuts = [i for i in range(1, n) if abs(sizes[i] - sizes[i - 1]) > np.log(1e3)]
         turn = [abs(turned[i:, :i]).max() for i in cuts]
-        # where the order changes, as along a state that all but dies out, all look alike once
-        if cuts == earlier and all(left < 1e-13 for left in turn):
+        worst = max(turn, default=0.0)
+        # what would fall a thousandfold each time, and stays, is the rounding of many states; where
+        # the order changes, as along a state that all but dies out, all look alike once
+        stays = worst < settled and was / 10 < worst < 10 * was
+        if cuts == earlier and (worst < 1e-13 or stays):
             break
-    # where a pair is cut its halves turn into each other, by the inverse of how far it stretches
-    # one of them beyond the other: up to the root of 1/eps that is told from rounding
-    settled = np.finfo(float).eps ** 0.5
     cuts = [i for i, left in zip(cuts, turn, strict=True) if left < settled]
     blocks = [slice(a, b) for a, b in itertools.pairwise([0, *cuts, n])]
     mu = []

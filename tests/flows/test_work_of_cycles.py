@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import contbreather as cb
 from contbreather.flows import Collocation
+from contbreather.flows.multipliers import multipliers
 
 from ..effort import functions_called
 
@@ -94,3 +96,16 @@ def test_columns_of_a_branch_are_there_when_it_is(field, ring) -> None:
         assert columns["max(x)"][i] == pytest.approx(orbit.max["x"], rel=1e-12)
         assert columns["min(z)"][i] == pytest.approx(orbit.min["z"], rel=1e-12)
         assert columns["trivial"][i] == pytest.approx(abs(orbit.trivial - 1), abs=1e-10)
+
+
+def test_many_multipliers_far_apart_settle_in_a_few_rounds(monkeypatch) -> None:
+    """Those of 40 factors Q D Q* around an orbit are D^40, in groups of ten, down to e^-120.
+    Directions of 90 states are told apart to less than those of three, by rounding."""
+    random, states = np.random.default_rng(1), 90
+    turns = np.linalg.qr(random.normal(size=(40, states, states)))[0]
+    decay = -np.maximum(np.arange(states) // 10 - 2, 0) / 2
+    factors = np.roll(turns, -1, axis=0) * np.exp(decay) @ turns.transpose(0, 2, 1)
+    rounds, qr = [], np.linalg.qr
+    monkeypatch.setattr(np.linalg, "qr", lambda matrix: rounds.append(matrix) or qr(matrix))
+    assert np.log(multipliers([factors]).real) == pytest.approx(40 * decay, abs=1e-9)
+    assert len(rounds) <= 2 * len(factors)
