@@ -47,7 +47,11 @@ class Dense:
         if row is not None:
             self.whole = np.empty((row.size, row.size))
             self.whole[:-1], self.whole[-1] = matrix, row
-        self._factors, self._pivots, info = _lapack().dgetrf(self.whole)
+        # equations of one size, as of `Factors`: the row has no unit, they have those of rates
+        sizes = abs(self.whole).max(axis=1, initial=0.0)
+        self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
+        self._scaled = self.whole * self._rows[:, None]
+        self._factors, self._pivots, info = _lapack().dgetrf(self._scaled)
         self.exact = info == 0
 
     def solve(self, right: Array, last: float = 0.0) -> Array | None:
@@ -57,6 +61,7 @@ class Dense:
         if self.row is not None:
             above, right = right, np.empty(self.row.size)
             right[:-1], right[-1] = above, last
+        right = (right.T * self._rows).T
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right)[0])
 
     def correction(self, right: Array, row: Array | None = None) -> tuple[Array, bool]:
@@ -81,7 +86,7 @@ class Dense:
         """The logarithm of the size of the determinant, of rows of length 1."""
         if not self.exact:
             return -math.inf
-        squares = np.add.reduce(self.whole * self.whole, axis=1)
+        squares = np.add.reduce(self._scaled * self._scaled, axis=1)
         return float(np.add.reduce(np.log(abs(self._factors.diagonal())) - np.log(squares) / 2))
 
     def tangent(self, row: Array) -> tuple[Array | None, int]:
@@ -89,7 +94,8 @@ class Dense:
         return self.solve(np.zeros(row.size - 1), 1.0), self.sign()
 
     def transposed(self, right: Array) -> Array:
-        return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
+        y = _lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0]
+        return np.asarray((y.T * self._rows).T)
 
     def sign(self) -> int:
         """Sign of the determinant; 0 where the matrix is singular."""
