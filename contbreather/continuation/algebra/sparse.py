@@ -48,8 +48,8 @@ class Dense:
             self.whole = np.empty((row.size, row.size))
             self.whole[:-1], self.whole[-1] = matrix, row
         # equations of one size, as of `Factors`: the row has no unit, they have those of rates
-        sizes = abs(self.whole).max(axis=1, initial=0.0)
-        self._rows = 1 / np.where(sizes > 0, sizes, 1.0)
+        sizes = np.maximum.reduce(abs(self.whole), axis=1, initial=0.0)
+        self._rows = 1 / (sizes + (sizes == 0))
         self._scaled = self.whole * self._rows[:, None]
         self._factors, self._pivots, info = _lapack().dgetrf(self._scaled)
         self.exact = info == 0
