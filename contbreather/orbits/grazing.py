@@ -122,7 +122,7 @@ def _follow(orbit: Orbit, site: int, t: float) -> DefiningSystem:
 
 
 def _is_mirrored(orbit: Orbit, site: int, t: float) -> bool:
-    """Whether what a site does at a time comes again at the other wall, of an orbit that is its own
+    """Tell whether what a site does comes again at the other wall, of an orbit that is its own
     mirror image with its whole period written out."""
     if orbit.section.symmetric or orbit.section.turns % 2 == 0:
         return False
