@@ -262,7 +262,7 @@ def end_sentences(branch: cb.Branch) -> list[str]:
     )
     for point, stop, reason, word in sides:
         if stop is not None:
-            why = (reason or _grazed(point)).rstrip(".")
+            why = reason.rstrip(".")
             phrase = _as_option(stop.value).replace("ended", word)
             if word == "began" and point.parent is not None:
                 phrase = f"left another branch at its {point.parent.label}"
@@ -298,29 +298,6 @@ def lines_of(branch: cb.Branch) -> Iterator[object]:
         place = ", ".join(f"{name} = {point[name]:.10g}" for name in branch.curve.varied)
         why = point.detail.get("reason", "not located").rstrip(".")
         yield f"In doubt: {point.kind} at {place}: {why}."
-
-
-def _grazed(point: cb.continuation.Point) -> str:
-    """Name what touches a wall, or impacts at once, at an end; nothing at other ends."""
-    kinds = point.kind.split("-")
-    if kinds == ["CC"]:
-        return str(point.detail["impacts"])
-    if not {"GR", "VI"} & set(kinds):
-        return ""
-    if "impacts" in point.detail:
-        return f"impacts {point.detail['impacts']}"
-    margins = point.solution.admissibility()
-    by_margin = getattr(margins, "places", {})  # orbits with any impacts tell the worst place only
-    # two margins that are as small as this vanish together
-    places = [by_margin[name] for name in by_margin if getattr(margins, name) < 1e-6]
-    if kinds == ["GR", "GR"] and len(places) > 1:
-        *several, last = (
-            "the far field" if site is None else f"site {site} at t = {time:.6g}"
-            for site, time in places
-        )
-        return f"{', '.join(several)} and {last} graze at once"
-    reason: str = margins.reason
-    return reason.removeprefix("at the limit: ")
 
 
 def check_ends(branch: cb.Branch, what: str) -> None:

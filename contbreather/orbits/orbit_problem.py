@@ -109,6 +109,27 @@ class OrbitProblem(Problem):
         # half a symmetric orbit has lost its symmetry before it can double its period
         return lift if kind == ("PF" if self.section.symmetric else "PD") else None
 
+    def said_at_end(self, point: Point) -> str:
+        """Name what touches a wall there, or impacts at once."""
+        kinds = point.kind.split("-")
+        if kinds == ["CC"]:
+            return str(point.detail["impacts"])
+        if not {"GR", "VI"} & set(kinds):
+            return ""
+        if "impacts" in point.detail:
+            return f"impacts {point.detail['impacts']}"
+        margins = point.solution.admissibility()
+        by_margin = getattr(margins, "places", {})  # of any impacts: the worst place only
+        # two margins that are as small as this vanish together
+        places = [by_margin[name] for name in by_margin if getattr(margins, name) < 1e-6]
+        if kinds == ["GR", "GR"] and len(places) > 1:
+            *several, last = (
+                "the far field" if site is None else f"site {site} at t = {time:.6g}"
+                for site, time in places
+            )
+            return f"{', '.join(several)} and {last} graze at once"
+        return str(margins.reason).removeprefix("at the limit: ")
+
     def at_frequency(self, omega: float, /, **given: float) -> DrivenProblem:
         """These equations in the time in which the drive has this frequency, a parameter; others
         that are known in it are given."""

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -414,3 +416,17 @@ def test_another_threshold_has_its_own_point_and_column(arm: bool, shot: bool) -
     assert np.abs(size - 1.0048).min() < 1e-9
     last = branch[-1]
     assert last["unstable"] == last.solution.stability(threshold=1.0048).unstable
+
+
+def test_a_branch_says_what_ended_it(tmp_path: Path) -> None:
+    """By the profile: the site that is named is on a wall at the time that is said, in a file too;
+    the other end has p = 0."""
+    found = cb.trace(cb.symmetric(a=0.5, gamma=0.1, k=0.01), "a", within={"a": (0.01, 2.0)})
+    cb.save(tmp_path / "run.nc", found)
+    for branch in (found, found.reversed(), cb.load(tmp_path / "run.nc")):
+        reasons = {branch[0].kind: branch.began_reason, branch[-1].kind: branch.reason}
+        assert reasons["VI"].startswith("the impact of site 0 itself vanishes")
+        ((site, time),) = re.findall(r"site (\d) .* at t = (\S+?)\.?$", reasons["GR"])
+        breather = branch.first("GR").solution
+        assert abs(breather.displacement(int(site), float(time))) == pytest.approx(1.0, abs=1e-8)
+        assert abs(branch.first("VI")["p"]) < 1e-9

@@ -130,6 +130,10 @@ class Structure:
         """Say what is near where a walk ends as no step can be made; empty if nothing is known."""
         return ""
 
+    def said_at_end(self, point: Any) -> str:
+        """Say what happens at an event that ends a walk; empty if its kind tells all."""
+        return ""
+
     def sized(self, sizes: Mapping[str, int]) -> Any:
         """Refine the problem from its present start as `finer` does, to unknowns of these sizes as
         far as that leads there: a file has points of a branch that was walked anew."""

@@ -551,7 +551,8 @@ class ContinuationIterator:
     def _edge(self, point: Point, stop: Stop) -> str:
         """Say more of the end of a branch: by its event, or by a bound of the domain."""
         if stop is Stop.EVENT:
-            return str(point.detail.get("said", ""))
+            said = point.base_point.curve.problem.said_at_end
+            return str(point.detail.get("said") or said(point))
         if stop is Stop.MOST:
             towards = self.growth.towards(point.z, point.direction)
             return towards or self.curve.unlike_scales(point.z)
