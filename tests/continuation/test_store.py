@@ -408,6 +408,14 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
     same(branch, load(path))
 
 
+def test_a_refused_list_shows_how_to_name_each(branch, path):
+    with pytest.raises(BadInput) as refused:
+        save(path, here=branch, arms=[branch, branch])
+    names = eval(re.search(r"{.*}", str(refused.value)).group(), {"results": [branch, branch]})
+    save(path, here=branch, **names)
+    assert [*load(path)] == ["here", "arm0", "arm1"]
+
+
 @pytest.mark.parametrize(
     ("attempt", "sentence"),
     [
@@ -421,7 +429,7 @@ engine.save({str(path)!r}, engine.trace(line, "mu", within={{"mu": (-1, 1)}}))
         (lambda path, one: save(path, arms={"x": one}), r"got a dict; those of a dict are save"),
         (
             lambda path, one: Run(path.parent).keep(arms=(one, one)),
-            r"got a tuple; those of a list are cb.save\(run.file\(name\), \*results\)$",
+            r"got a tuple; those of a list are cb.save\(run.file\(name\), \*results\), with names ",
         ),
         (lambda path, one: save(path, 3), r"^an int cannot be kept in a file; branches.* can$"),
         *(

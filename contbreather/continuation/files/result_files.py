@@ -205,9 +205,10 @@ def _refuse_several(results: Mapping[str, Any], verb: str, instead: str) -> None
     for result in results.values():
         if isinstance(result, list | tuple | dict):
             kind, stars = ("dict", "**") if isinstance(result, dict) else ("list", "*")
+            named = ", with names of their own **{f'arm{i}': arm for i, arm in enumerate(results)}"
             raise BadInput(
                 f"{verb} takes results one by one, got a {type(result).__name__}; those of a "
-                f"{kind} are {instead.format(stars)}"
+                f"{kind} are {instead.format(stars)}{'' if kind == 'dict' else named}"
             )
 
 
