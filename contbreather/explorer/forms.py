@@ -231,7 +231,7 @@ class PageForms:
     def _keep(self) -> Any:
         self.file = text_field("file", "run.nc")
         self.what = pn.widgets.Select(
-            label="figure", options=["zones", "branches", "motion"], width=120
+            label="figure", options=["zones", "branches", "simulation"], width=120
         )
         self.suffix = pn.widgets.Select(label="format", options=[".pdf", ".svg", ".png"], width=90)
         look = {"sizing_mode": "stretch_width", "margin": (3, 5), "stylesheets": [FOCUSED]}
@@ -258,7 +258,7 @@ class PageForms:
         there = {
             "zones": state.plane is not None and not state.awaited,
             "branches": bool(state.shown),
-            "motion": state.run is not None,
+            "simulation": state.run is not None,
         }
         self.figure.disabled = not there[self.what.value]
 

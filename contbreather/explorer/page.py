@@ -336,7 +336,11 @@ def _described(state: PageState) -> str:
     shown = chosen.point if chosen.orbit is None else chosen.orbit
     table = "" if shown is None else shown.table().html()
     if chosen.orbit is None:
-        sentences = [("motion", "drawn of breathers between walls that came with their equations")]
+        of = "breathers between walls that came with their equations"
+        sentences = [
+            ("motion", f"drawn of {of}"),
+            ("from here", f"continued and simulated are {of}"),
+        ]
     else:
         sentences = list(verdicts(chosen.orbit, state.ring))
     items = "".join(f"<dt>{escape(h)}</dt><dd>{escape(s)}</dd>" for h, s in sentences)

@@ -395,7 +395,7 @@ class Session:
         )
 
     def figure(self, what: str, suffix: str) -> bytes:
-        """Draw the "zones", "branches" or "motion" for a journal, as ".pdf", ".svg" or ".png"."""
+        """Draw the "zones", "branches" or "simulation" for a journal: ".pdf", ".svg", ".png"."""
         state = self.state
         if what == "zones" and state.plane is not None:
             if state.awaited:
@@ -404,7 +404,7 @@ class Session:
         elif what == "branches" and state.shown:
             x, y = state.columns
             drawn = plot(*state.shown.values(), x=x, y=y)
-        elif what == "motion" and state.run is not None:
+        elif what == "simulation" and state.run is not None:
             drawn = plot_motion(state.run[1])
         else:
             raise BadInput(f"there is nothing to draw as {what} yet.")

@@ -207,7 +207,7 @@ class PageState:
             curves = ", ".join(self.shown)
             yield f'cb.save_figure(cb.plot({curves}, x="{x}", y="{y}"), "branches.pdf")'
         if self.run is not None:
-            yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "motion.pdf")'
+            yield f'cb.save_figure(cb.plotting.plot_motion({self.run[0]}), "simulation.pdf")'
 
 
 def _alike(one: Branch, other: Branch) -> bool:
@@ -335,8 +335,10 @@ def _reflection(orbit: Orbit) -> str:
     waves = orbit.stability().over_reflection
     if not waves.over_reflecting:
         return "waves come back no larger than they were: no ring of any size is unstable by them"
+    if (times := f"{math.exp(waves.gain):.6g}") == "1":
+        return "waves come back larger, by less than six digits show"
     return (
-        f"waves come back up to {math.exp(waves.gain):.6g} times as large (at the angle "
+        f"waves come back up to {times} times as large (at the angle "
         f"{waves.nu:.6g} pi); on long rings |mu| = 1 + {waves.growth:.6g}/N over half a period"
     )
 

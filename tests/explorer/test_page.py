@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from contbreather.errors import BadInput
 from contbreather.explorer import Explorer, session
 from contbreather.explorer.forms import usual_window
 from contbreather.explorer.page import Page
-from contbreather.explorer.state import Chosen
+from contbreather.explorer.state import Chosen, point_of
 from contbreather.explorer.views import letter
 
 from ..apart import HUNG
@@ -84,7 +85,7 @@ def test_windows_are_in_units_of_the_frequency_the_walls_and_the_drive(page: Pag
 
 def test_figures_that_are_not_there_are_not_exported(bare: Page) -> None:
     """A download that is refused leaves an error of the server behind."""
-    for what, grey in {"branches": True, "motion": True, "zones": False}.items():
+    for what, grey in {"branches": True, "simulation": True, "zones": False}.items():
         bare.forms.what.value = what
         assert bare.forms.figure.disabled is grey
 
@@ -423,6 +424,15 @@ def test_without_a_breather_nothing_of_an_earlier_one_is_left(bare: Page) -> Non
     for data in (bare.profile.sites.data, bare.motion.lines.data, bare.multipliers.dots.data):
         assert not any(map(len, data.values()))
     assert bare.words.text.text == ""
+
+
+def test_where_nothing_can_be_continued_the_page_says_why(bare: Page, tmp_path: Path) -> None:
+    square = cb.Problem(lambda x, p: x * x - p["m"], start={"x": 1.0}, params={"m": 1.0})
+    cb.save(tmp_path / "run.nc", cb.trace(square, "m", within={"m": (0.5, 2.0)}))
+    bare.explorer.choose(point_of("mine", cb.load(tmp_path / "run.nc"), 1))
+    for name in ("Continue", "Simulate from here"):
+        assert bare.forms.buttons[name].disabled
+    assert "continued and simulated are breathers between walls that" in bare.words.text.text
 
 
 def test_the_curve_that_came_last_is_listed_by_what_it_is(page: Page) -> None:

@@ -70,7 +70,7 @@ def test_the_script_makes_what_is_seen_to_the_last_digit_and_leaves_its_figures(
     np.testing.assert_array_equal(made["run5"].record.u, told.state.run[1].record.u)
     assert made["here"].p == told.chosen.orbit.p
     names = {path.name for path in tmp_path.iterdir()}
-    assert names == {"zones.pdf", "branches.pdf", "motion.pdf"}
+    assert names == {"zones.pdf", "branches.pdf", "simulation.pdf"}
 
 
 def test_at_a_bifurcation_a_breather_is_called_neither_stable_nor_unstable(told: Explorer) -> None:

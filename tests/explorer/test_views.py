@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import replace
 from typing import Any
@@ -14,7 +15,7 @@ from bokeh.models import HoverTool
 import contbreather as cb
 from contbreather.continuation.curve.kinds import LOOKS, look_of
 from contbreather.explorer import views
-from contbreather.explorer.state import Chosen, PageState
+from contbreather.explorer.state import Chosen, PageState, verdicts
 from contbreather.explorer.style import DARK, LIGHT
 from contbreather.orbits.zone_diagram import Region
 from contbreather.plotting import plot
@@ -181,6 +182,15 @@ def test_words_at_an_edge_are_on_the_other_side_of_their_marks(branch: Any) -> N
     assert ("PF1", "left", 7, -5) in rows(view.special, "text", "side", "right", "down")
     view.show({"one": replace(branch, points=(branch[1], branch[2], fork))}, "a", "p")
     assert rows(view.special, "text", "side", "right", "down")[-1] == ("PF1", "right", -7, 16)
+
+
+@pytest.mark.parametrize(("kind", "said"), [("VI", "less than six"), ("GR", r"up to 1\.\d+ times")])
+def test_no_wave_is_said_to_come_back_1_times_as_large(kind: str, said: str) -> None:
+    branch = cb.trace(cb.symmetric(a=0.5, gamma=0.1, k=0.8), "a", within={"a": (0.01, 2.0)})
+    orbit = branch.first(kind).solution
+    sentence = dict(verdicts(orbit, 40))["over-reflection"]
+    assert re.search(said, sentence)
+    assert (np.exp(orbit.stability().over_reflection.gain) - 1 < 5e-6) == (kind == "VI")
 
 
 def test_the_motion_shows_each_site_between_its_walls() -> None:
