@@ -156,6 +156,9 @@ def test_both_ends_are_said_where_a_curve_may_go_on() -> None:
     for stop in (Stop.DOMAIN, Stop.NO_CONVERGENCE, Stop.MOST, Stop.INFINITY):
         one = replace(whole, stop=stop, began=stop, began_reason="f at t = 0 raised")
         assert f"; the other way: {stop.value}: f at t = 0 raised" in one.describe()
+    response = cb.trace(cb.symmetric(0.5, 0.04, 0.8), "gamma", within={"gamma": (-1, 0.1)})
+    assert "; the other way: the domain of gamma ends at 0;" in repr(response)
+    assert "the other way" not in response[3:].describe()
 
 
 def test_columns_are_asked_for_once_unless_they_raise() -> None:

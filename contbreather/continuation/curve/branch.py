@@ -446,6 +446,8 @@ class Branch(Columns, HtmlRepr):
         if self.began in (Stop.NO_CONVERGENCE, Stop.DOMAIN, Stop.INFINITY, Stop.MOST):
             said = self.began_reason and f": {self.began_reason}"
             end += f"; the other way: {self.began.value}{said}"
+        elif self.began is Stop.BOUND and self.began_reason:  # no edge that was asked for
+            end += f"; the other way: {self.began_reason}"
         moved = f"the start was moved by {d:.2g}" if (d := self.start_correction) else ""
         more = filter(None, (moved, advice(self.curve)))
         return "; ".join([f"{head}: {len(self)} points", end, *more])
