@@ -436,8 +436,9 @@ def _born(point: Point) -> Examined:
     orbit = point.base_point.solution
     modes = orbit.chain.frequencies(orbit.params)
     nearest = int(abs(modes - orbit.omega).argmin())
-    edges = {0: "the lower edge of the band", modes.size - 1: "the upper edge of the band"}
-    mode = f"the mode of frequency {modes[nearest]:.9g}, {edges.get(nearest, 'in the band')}"
+    ranks = {0: "the lowest", modes.size - 1: "the highest"}  # of a defect: outside of the band
+    rank = f"{ranks.get(nearest, f'number {nearest + 1} from below')} of {modes.size}"
+    mode = f"the mode of frequency {modes[nearest]:.9g}, {rank}"
     return {"said": f"it shrinks to rest: the family is born there from {mode}"}
 
 

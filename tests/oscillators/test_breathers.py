@@ -297,8 +297,20 @@ def test_a_family_that_shrinks_to_rest_ends_at_the_mode_that_it_is_born_from(fre
     branch = cb.trace(start, free, within={free: window}, towards="down")
     end = branch.special[-1]
     assert (end.kind, branch.stop, branch.doubtful) == ("HB", Stop.EVENT, ())
-    assert f"frequency {np.sqrt(1.3):.9g}, the upper edge of the band" in end.detail["said"]
+    assert f"frequency {np.sqrt(1.3):.9g}, the highest of 3" in end.detail["said"]
     assert end["omega"] == pytest.approx(np.sqrt(1.3), abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_family_born_from_the_mode_of_a_defect_is_not_said_to_be_born_at_an_edge_of_the_band():
+    """A light site in a ring of seven: its mode, by the matrix, is far above the band."""
+    masses = np.array([1, 1, 1, 0.6, 1, 1, 1])
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(7), masses=masses)
+    start = cb.breather(chain, {3: 1}, omega=1.6, params={"c": 0.05})
+    end = cb.trace(start, "omega", within={"omega": (1.2, 1.6)}, towards="down").special[-1]
+    ring = 1.1 * np.eye(7) - 0.05 * (np.roll(np.eye(7), 1, 0) + np.roll(np.eye(7), -1, 0))
+    high = np.sqrt(np.linalg.eigvalsh(ring / np.sqrt(np.outer(masses, masses)))[-1])
+    assert end.detail["said"].endswith(f"from the mode of frequency {high:.9g}, the highest of 7")
 
 
 @pytest.mark.slow
