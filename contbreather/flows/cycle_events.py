@@ -458,13 +458,14 @@ def _touches_of(
     beside = values(wall, t, np.nextafter(states, math.inf), orbit.params)[0]
     # of what it is a difference of, too: a flow that shrinks to nothing stays next to it
     size = max(abs(v).max(), abs(beside - v).max() / np.finfo(float).eps)
+    slides, leaves = (ends and slid_along(of) for of in (flow, before))
     # without a reset it begins where another ended: the walls of sliding are zero there
     if ends:
-        begins = waits > 0.0 or _apart(orbit, i, wall, size)
+        # after sliding, always on the surface, which is off zero by rounding of larger states
+        begins = waits > 0.0 or (not leaves and _apart(orbit, i, wall, size))
     else:
         off = before.reset is not None and _apart(orbit, i, wall, size)
         begins = flow.until is None or off
-    slides, leaves = (ends and slid_along(of) for of in (flow, before))
     on = ends and not (begins or slides or leaves)
     height = partial(_height, wall, flight, orbit.params, around, on=on)
     # where no place is low this one is far from it, but of sliding, and of what leaves the

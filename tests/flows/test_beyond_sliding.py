@@ -235,6 +235,16 @@ def test_sliding_that_touches_both_edges_at_once_is_refused_with_the_reason(push
         cb.switch(touched)
 
 
+@pytest.mark.parametrize("B", [0.351, 0.354])
+def test_a_slip_that_shrinks_after_sliding_touches_no_surface_where_it_begins(B: float) -> None:
+    """Its height falls as the cube of how long it lasts, below the rounding of its velocity."""
+    lost = cb.trace(rocked(0.0, B, 7)[1], "B", within={"B": (0.25, 0.4)}, events=()).special[0]
+    t = np.linspace(2.1, 2.5, 30_001)  # where the push overcomes friction in its second crest
+    push = lambda at: (-1.1 * np.cos(t) - at * np.cos(7 * t)).max() - 1  # noqa: E731
+    assert lost.kind == "SL"
+    assert lost["B"] == pytest.approx(brentq(push, 0.25, 0.4), abs=1e-6)
+
+
 def test_an_orbit_that_has_grown_since_its_branch_began_comes_to_slide() -> None:
     """A predator that is harvested above a threshold: at SL its cycle has twice the size by which
     meshes were measured at the start. Beyond it slides, as simulations do."""
