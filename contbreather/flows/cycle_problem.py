@@ -68,7 +68,7 @@ class Cycle(HtmlRepr):
         Stability indices (mu + 1/mu)/2 of all other pairs of multipliers where something is
         conserved: the pair is on the unit circle where that is real and from -1 to 1.
     unstable : int
-        How many multipliers are outside of the unit circle.
+        How many multipliers are outside of the unit circle; NaN where these are.
     times : ndarray
         When its flows begin, and when the last one ends.
     errors : dict
@@ -241,7 +241,9 @@ class Cycle(HtmlRepr):
         return int(((self.indices.imag == 0) & (self.indices.real < -1)).sum())
 
     @property
-    def unstable(self) -> int:
+    def unstable(self) -> float:
+        if np.isnan(self.others).any():
+            return math.nan
         if self.paired:
             outside = (self.indices.imag != 0) | (abs(self.indices.real) > 1 + 1e-10)
             return int(outside.sum())

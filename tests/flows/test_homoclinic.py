@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -482,3 +483,26 @@ def test_a_saddle_behind_a_pole_is_no_end() -> None:
     (cycles,) = cb.switch(hopf, within={"f": (0.5, 2.6)})
     assert {point.kind for point in cycles.special} <= {"EP", "HB", "MX"}  # next to HB is rounding
     assert cycles[-1]["f"] == pytest.approx(0.5574291087, rel=1e-9)
+
+
+@pytest.mark.slow
+def test_no_multiplier_that_is_unknown_counts_as_stable() -> None:
+    """Of two rooms with a thermostat, next to where the heater just reaches its threshold."""
+
+    def rooms(heats: float) -> Any:
+        return lambda t, x, p: [
+            heats - 0.1 * (x[0] - p["o"]) - 0.3 * (x[0] - x[1]),
+            0.3 * (x[0] - x[1]) - 0.2 * (x[1] - p["o"]),
+        ]
+
+    heater = cb.Flow(rooms(10.0), until=lambda t, x, p: 21 - x[0])
+    rests = cb.Flow(rooms(0.0), until=lambda t, x, p: x[0] - 19)
+    orbit = cb.cycle([heater, rests], {"x": 19.0, "y": 15.0}, {"o": -20.0}, settle=100)
+    branch = cb.trace(orbit, "o", within={"o": (-60, -15)}, towards="down")
+    last = branch[-1]
+    # 10 = (0.1 + 0.3 * 0.4) (21 - o)
+    assert last["o"] == pytest.approx(21 - 10 / 0.22, abs=1e-8)
+    assert np.isnan(last.solution.multipliers).all()
+    assert math.isnan(last["unstable"])
+    assert "multipliers unknown" in repr(last.solution)
+    assert branch[0]["unstable"] == 0

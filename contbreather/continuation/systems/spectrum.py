@@ -53,6 +53,8 @@ def counted(multipliers: Values) -> str:
     """Say how many multipliers are unstable, and how many are on the unit circle to within
     rounding, as at an event."""
     sizes = abs(multipliers)
+    if np.isnan(sizes).any():
+        return "multipliers unknown"
     on = np.count_nonzero(abs(sizes - 1) <= OUTSIDE - 1)
     count = f"{np.count_nonzero(sizes > OUTSIDE)} unstable"
     return f"{count}, {on} on the unit circle" if on else count
