@@ -262,8 +262,8 @@ class CodedBreather(HtmlRepr):
         return self.breather is not None
 
     @property
-    def unstable(self) -> int | None:
-        """How many multipliers of it are outside of the unit circle."""
+    def unstable(self) -> float | None:
+        """Number of its multipliers outside of the unit circle."""
         return None if self.breather is None else self.breather.solution.unstable
 
     def table(self) -> Sheet:
