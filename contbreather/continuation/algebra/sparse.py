@@ -47,9 +47,10 @@ class Dense:
         if row is not None:
             self.whole = np.empty((row.size, row.size))
             self.whole[:-1], self.whole[-1] = matrix, row
-        # equations of one size, as of `Factors`: the row has no unit, they have those of rates
+        # equations of one size, as of `Factors`: the row has no unit, they have those of rates; by
+        # powers of two, which round nothing
         sizes = np.maximum.reduce(abs(self.whole), axis=1, initial=0.0)
-        self._rows = 1 / (sizes + (sizes == 0))
+        self._rows = np.ldexp(1.0, -np.frexp(sizes)[1])
         self._scaled = self.whole * self._rows[:, None]
         self._factors, self._pivots, info = _lapack().dgetrf(self._scaled)
         self.exact = info == 0

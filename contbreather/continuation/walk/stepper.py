@@ -398,9 +398,9 @@ class Stepper:
         it is singular there, and ends off both by the root of what it leaves of the equations."""
         curve = self.curve
         try:
-            near, before = (
+            before, near = (
                 least_singular(checked_finite(curve.balanced(curve.jacobian(z)))).size
-                for z in (guess, point.z)
+                for z in (point.z, guess)
             )
             if near > 0.5 * before:
                 return None
