@@ -106,8 +106,10 @@ def turn_of_energy(point: Point) -> float:
 
 def _examine_turn(found: Examined, point: Point) -> Examined:
     base = point.base_point
-    # where an arm leaves its branch the parameter turns, and the test vanishes with it
-    if base.tangent is not None and abs(base.direction[-1]) < NEAR:
+    # where an arm leaves its branch the parameter turns, and the test vanishes with it; next to a
+    # fold, where it turns as well, the energy has a turn of its own
+    turns = base.tangent is not None and abs(base.direction[-1]) < NEAR
+    if turns and cast("Any", fold()).examine(base):
         return NOTHING
     return examine_place(1.0, found, point)
 

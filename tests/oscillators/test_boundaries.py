@@ -265,6 +265,19 @@ def test_where_an_arm_leaves_its_branch_no_fold_is_read_from_rounding() -> None:
         assert not arm.doubtful
 
 
+def test_an_energy_that_turns_all_but_at_a_fold_has_a_label_of_its_own() -> None:
+    """By shooting at fixed c it turns where the leaf begins at 0.4403468, the frequency, as the
+    coupling, at 0.4403429; the multiplier that the fold does not change passes 1 there."""
+    star = cb.Lattice.from_graph(nx.star_graph(3))
+    chain = cb.Oscillators("(1 - exp(-u))**2/2", "c*r**2/2", star)
+    start = cb.breather(chain, {2: 1, 0: 1}, omega=0.8, params={"c": 0.06})
+    branch = cb.trace(start, "c", within={"c": (0.06, 0.1)}, towards="up")
+    turn, lp = (point for point in branch.special if point.kind == "LP")
+    at = [point.solution.displacement(2, 0.0) for point in (turn, lp)]
+    assert at == pytest.approx([0.4403468, 0.4403429], abs=2e-7)
+    assert "in the energy" in turn.detail["said"]
+
+
 def test_pairs_that_all_but_pass_each_other_by_do_not_collide() -> None:
     """A hard breather at a corner: pairs of opposite signature exchange their order, and between
     there is less instability than rounding, nowhere any multiplier off the circle."""
