@@ -171,8 +171,9 @@ def half_without_coupling(
 
 
 def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, bool]:
-    """Say which harmonic of a frequency is nearest to the band of small oscillations, or in it, and
-    tell whether it is in."""
+    """Say which harmonic of a frequency is nearest to the frequencies of small oscillations, or
+    among them, and tell whether it is. That there is a band between them is not said: one may be
+    that of a defect."""
     band = chain.frequencies(p)
     if np.isnan(band).any():
         return "at rest it is unstable there", False
@@ -184,12 +185,12 @@ def resonance(chain: Oscillators, omega: float, p: Params) -> tuple[str, bool]:
     m = m if low else np.append(0, m)  # what moves freely at rest has any mean
     off = np.maximum(np.maximum(low - m * omega, m * omega - high), 0.0)
     j = int(off.argmin())
-    where = "lies in" if off[j] == 0 else f"is {off[j]:.3g} off"
+    where = "lies among" if off[j] == 0 else f"is {off[j]:.3g} off"
     name = {0: "the mean", 1: "the frequency itself"}.get(int(m[j]), f"harmonic {m[j]}")
-    x, edges = m[j] * omega, f"the band of small oscillations, {low:.6g} to {high:.6g}"
+    x, edges = m[j] * omega, f"the frequencies of small oscillations, {low:.6g} to {high:.6g}"
     if inside := bool(off[j] == 0 and m[j]):  # where it has a gap, between these
         below, above = band[band <= x][-1], band[band >= x][0]
-        edges += f", between its frequencies {below:.6g} and {above:.6g}"
+        edges += f", between {below:.6g} and {above:.6g}"
     return f"{name}, {x:.6g}, {where} {edges}", inside
 
 

@@ -100,7 +100,7 @@ def breather(
         Where the code or the parameters do not fit the lattice, or rest is no equilibrium of it.
     NoSolution
         Where no site has that frequency, or the breather ends on the way: the sentence says where,
-        and which harmonic is in the band of small oscillations, or next to it.
+        and which harmonic is next to the frequencies of small oscillations, or among them.
 
     Examples
     --------

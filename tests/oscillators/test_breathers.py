@@ -57,7 +57,7 @@ def test_a_slow_single_oscillator_is_found_next_to_its_separatrix() -> None:
     orbit = cb.breather(pendula, {1: 1}, omega=0.23, params={"c": 0.0}).solution
     assert orbit.displacement(1, 0.0) == pytest.approx(2 * np.arcsin(np.sqrt(m)), abs=1e-9)
     morse = cb.Oscillators(V="(1 - exp(-u))**2/2", W=LINEAR, lattice=cb.OpenChain(5))
-    with pytest.raises(cb.NoSolution, match="harmonic 2, 1, lies in the band"):
+    with pytest.raises(cb.NoSolution, match="harmonic 2, 1, lies among the frequencies"):
         cb.breather(morse, {2: 1}, omega=0.5, params={"c": 0.05})
 
 
@@ -285,7 +285,7 @@ def test_what_ends_on_the_way_names_the_harmonic_and_the_band(none) -> None:
     assert 0 < share < 1
     assert f"reaches {share:.4g} of the coupling" in says
     high = np.sqrt(1 + 3 * 0.3 * share)
-    assert says.endswith(f"the band of small oscillations, 1 to {high:.6g}.")
+    assert says.endswith(f"the frequencies of small oscillations, 1 to {high:.6g}.")
     assert "the frequency itself, 1.2," in says
 
 
@@ -344,7 +344,7 @@ def test_a_breather_that_moves_freely_along_a_ring_has_no_branch_points() -> Non
     assert {point.kind for point in branch.special} <= {"EP", "MX"}
     edge = np.sqrt(1 + 0.2 * np.sin(2 * np.pi / 5) ** 2)
     assert f"the frequency itself, {branch[-1]['omega']:.6g}, is" in branch.reason
-    assert branch.reason.endswith(f"the band of small oscillations, 1 to {edge:.6g}")
+    assert branch.reason.endswith(f"the frequencies of small oscillations, 1 to {edge:.6g}")
 
 
 @pytest.mark.parametrize(
@@ -472,7 +472,7 @@ def test_an_orbit_says_which_of_its_harmonics_is_in_the_band() -> None:
     """Odd forces have no second one."""
     chain = cb.Oscillators(V="1 - cos(u)", W=LINEAR, lattice=cb.Ring(3))
     for omega, said in (
-        (0.34, "; harmonic 3, 1.02, lies in the band of small oscillations, 1 to 1.07238, "),
+        (0.34, "; harmonic 3, 1.02, lies among the frequencies of small oscillations, 1 to "),
         (0.52, "unstable>"),
     ):
         orbit = cb.breather(chain, {1: 1}, omega=omega, params={"c": 0.05}).solution
@@ -485,8 +485,18 @@ def test_a_breather_in_a_gap_says_between_which_frequencies() -> None:
     chain = cb.Oscillators(HARD, LINEAR, cb.Ring(4), onsite=[1, 4] * 2)
     orbit = cb.breather(chain, {0: 1}, omega=1.5, params={"c": 0.05}).solution
     low, high = chain.frequencies({"b": 1.0, "c": 0.05})[1:3]
-    assert repr(orbit).endswith(f"between its frequencies {low:.6g} and {high:.6g}>")
+    assert repr(orbit).endswith(f"between {low:.6g} and {high:.6g}>")
     assert orbit.swings[2] < 0.01 * orbit.swings[0]
+
+
+def test_where_a_light_site_has_a_mode_of_its_own_that_is_no_edge_of_the_band() -> None:
+    """Without it modes of the ring end at sqrt(1 + 4 c); that of the light one is above omega."""
+    ring = cb.Oscillators(HARD, LINEAR, cb.Ring(7), masses=[1, 1, 1, 0.6, 1, 1, 1])
+    orbit = cb.breather(ring, {0: 1}, omega=1.2, params={"c": 0.05}).solution
+    low, *_, below, above = ring.frequencies({"c": 0.05})
+    assert below < np.sqrt(1 + 4 * 0.05) < orbit.omega < above
+    said = f"among the frequencies of small oscillations, {low:.6g} to {above:.6g}, between"
+    assert repr(orbit).endswith(f"lies {said} {below:.6g} and {above:.6g}>")
 
 
 def test_entries_of_a_catalogue_are_drawn_one_by_one(none) -> None:
