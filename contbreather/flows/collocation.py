@@ -459,7 +459,7 @@ def derivatives(
     (count, points, n), scheme, lengths = k.shape, flight.scheme, flight.lengths[:, None, None]
     f, df = slopes(flow.f, flight.inner, reached(flight, k), p, names)
     f = f.T.reshape(k.shape)
-    whole = df.transpose(2, 0, 1).reshape(*k.shape, -1) * lengths[..., None]
+    whole = np.ascontiguousarray(df.transpose(2, 0, 1)).reshape(*k.shape, -1) * lengths[..., None]
     # d(h f)/dh at the time t_0 + c h of a node: f + h f_t c
     longer = f + whole[..., n] * scheme.nodes[:, None]
     # of h f at each Gauss point, in the state, the time, the length of the interval, parameters
