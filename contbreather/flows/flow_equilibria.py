@@ -18,6 +18,7 @@ from ..continuation.curve.curve import Curve
 from ..continuation.curve.point import Event, Point, UnstableDimension
 from ..continuation.curve.problem import Problem
 from ..continuation.systems import spectrum
+from ..errors import BadInput
 from .collocation import Collocation, fitted, sizes_of
 from .cycle_constructors import named_state, state_names, with_jacobian
 from .cycle_events import events_of_cycle, examine_swing
@@ -26,6 +27,7 @@ from .equations import FlowEquations
 from .flow import Flow, refuse_false_period
 from .functions import Function, Params, at_state
 from .jacobian import Exact, FieldWithJacobian
+from .rotation import Angles
 from .sparse_equations import sparse_where_large
 
 # of a first cycle beside a Hopf point, in its size
@@ -41,6 +43,7 @@ def equilibrium(
     events: Iterable[Event] | None = None,
     scales: Mapping[str, float] | None = None,
     collocation: Collocation | None = None,
+    wraps: Mapping[str, float] | None = None,
     label: str = "equilibrium",
 ) -> Problem:
     """Equilibria of ``dx/dt = f(t, x, p)``, which must not depend on t, as a problem to trace.
@@ -61,6 +64,9 @@ def equilibrium(
         of parameters are those of the cycles, too.
     collocation : Collocation, optional
         For the cycles that `switch` follows from a Hopf point.
+    wraps : dict, optional
+        The turn of each state that is an angle, as ``{"theta": 2 * np.pi}``: a branch that comes
+        back a turn later is closed.
     label : str, optional
 
     Returns
@@ -85,6 +91,9 @@ def equilibrium(
     state, params = named_state(start, params)
     flow.check(0.0, state, params)
     refuse_false_period([Flow(flow.f)], [state[:, None]], None, params)
+    angles = Angles.of(wraps, state_names(start))
+    if angles.checked([flow], 0.0, state, params).tied.any():
+        raise BadInput("wraps: of equilibria f is to be the same a turn of each angle by itself")
     given: Any = flow.f.jacobian if isinstance(flow.f, FieldWithJacobian) else None
     if given is not None:
         given = partial(given.matrix, 0.0) if isinstance(given, Exact) else given.pattern
@@ -92,7 +101,7 @@ def equilibrium(
         partial(_velocity, flow.f), dict(start), params, flow=flow, jacobian=given,
         events=(fold(), branch_point(), hopf()) if events is None else tuple(events),
         record={"unstable": UnstableDimension(unstable)}, label=label,
-        scales=scales or {}, collocation=collocation or Collocation(),
+        scales=scales or {}, collocation=collocation or Collocation(), wraps=wraps or {},
     )  # fmt: skip
 
 
@@ -106,7 +115,11 @@ class Equilibrium(Problem):
 
     flow: Flow
     collocation: Collocation
+    wraps: Mapping[str, float]
     of_arms = ("orbit", "period")
+
+    def modulo(self, x: Array, params: Params) -> Mapping[str, Any]:
+        return self.wraps
 
     def having(self, *names: str) -> Problem:
         """Free parameters, if the field does not begin to depend on the time with one of these."""

@@ -550,3 +550,16 @@ def test_the_first_cycle_beside_a_hopf_point_is_small_however_far_states_are_fro
 
     cycles = born(cb.equilibrium(pressure, {"a": 1e5, "b": 1e5}, {"u": -0.1}), "u", (-0.1, 0.1))
     assert 0 < cycles[0]["u"] < 0.05
+
+
+def test_equilibria_of_an_angle_close_a_turn_later() -> None:
+    """A driven pendulum rests where sin th = P: one circle, with a fold at either end."""
+    pendulum = lambda t, x, p: [x[1], p["P"] - 2 * x[1] - p["g"] * np.sin(x[0])]  # noqa: E731
+    start, params = {"th": 0.5, "w": 0.0}, {"P": 0.5, "g": 1.0}
+    rest = cb.equilibrium(pendulum, start, params, wraps={"th": 2 * np.pi})
+    branch = cb.trace(rest, "P", within={"P": (-2.0, 2.0)})
+    assert branch.stop is cb.continuation.Stop.CLOSED
+    np.testing.assert_allclose([point["P"] for point in branch.special], [-1.0, 1.0], rtol=1e-12)
+    assert abs(np.ptp(branch["th"]) - 2 * np.pi) < 1e-9
+    with pytest.raises(BadInput, match="wraps: f is not the same a turn"):
+        cb.equilibrium(pendulum, start, params, wraps={"th": 3.0})
