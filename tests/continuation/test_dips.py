@@ -241,3 +241,13 @@ def test_two_folds_next_to_the_end_of_a_step_are_found(start: float) -> None:
     branch = trace(problem, "mu", within={"x": (-2.0, 0.1)}, events=[fold()])
     folds = [point["x"] for point in branch.special if point.kind == "LP"]
     assert folds == pytest.approx([-0.001, 0.001], abs=1e-5)
+
+
+@pytest.mark.parametrize("unit", [1e-200, 1.0, 1e200])
+def test_two_close_zeros_of_a_test_are_found_in_any_unit_of_it(unit: float) -> None:
+    """The square of a test may be beyond the largest float, its value not."""
+    event = Event("DP", lambda point: unit * (point["m"] - 0.1) * (point["m"] - 0.103))
+    line = Problem(lambda u, p: u - p["m"], {"x": -0.8}, {"m": -0.8})
+    kinds, places = kinds_and_places(trace(line, "m", within=UNIT, events=[event]))
+    assert kinds == ["DP", "DP"]
+    assert places == pytest.approx([0.1, 0.103], abs=1e-12)

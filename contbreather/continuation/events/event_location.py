@@ -380,7 +380,7 @@ def double_zeros(samples: StepSamples) -> Iterator[Point]:
         if 2 * middle < size[end]:
             guesses.append(0.5 + (0.5 - end) * middle / (size[end] - middle))
     # of a vertex well above zero, in units of the least value so far, there is none to come
-    if bend and (f1 - (f2 - f0) ** 2 / (8 * bend)) / min(values, key=abs) <= 0.7:
+    if bend and (f1 - (f2 - f0) / (8 * bend) * (f2 - f0)) / min(values, key=abs) <= 0.7:
         guesses.append(0.5 - (f2 - f0) / (4 * bend))
     for u in guesses:
         if 0.0 < u < 1.0 and min(abs(u - v) for v in size) > _ONE:
