@@ -21,6 +21,7 @@ from contbreather.continuation.bifurcations.equilibria import branch_point, fold
 from contbreather.continuation.curve.branch import Branch, Points, Stop
 from contbreather.continuation.curve.curve import Curve
 from contbreather.continuation.curve.point import Point
+from contbreather.continuation.curve.problem import Problem
 from contbreather.continuation.walk.trace import trace
 from contbreather.errors import BadInput, NoSolution, NotConverged, partial_result
 from contbreather.lattice.conditions import Conditions, Walls, in_time_of_drive
@@ -299,6 +300,13 @@ class Multibreather(HtmlRepr):
     def exists(self) -> bool:
         """True where it lives at the coupling that was asked for."""
         return self.orbit is not None and not self.ended
+
+    @property
+    def problem(self) -> Problem:
+        """What `trace` sets out from: that of its orbit, where it exists."""
+        if self.orbit is None or self.ended:
+            raise NoSolution(f"nothing to set out from: gamma = {self.gamma:.6g}, {self.ended}")
+        return self.orbit.problem
 
     def table(self) -> Sheet:
         """Its sites, how far it goes, and what ends it."""

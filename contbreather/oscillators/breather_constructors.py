@@ -262,6 +262,13 @@ class CodedBreather(HtmlRepr):
         return self.breather is not None
 
     @property
+    def problem(self) -> BreatherProblem:
+        """What `trace` sets out from: its breather."""
+        if self.breather is None:
+            raise NoSolution(f"nothing to set out from: {self.ended}")
+        return self.breather
+
+    @property
     def unstable(self) -> float | None:
         """Number of its multipliers outside of the unit circle."""
         return None if self.breather is None else self.breather.solution.unstable

@@ -233,3 +233,14 @@ def test_folds_of_sites_that_are_alike_are_followed_to_that_of_one_alone(spring:
     end = line[0]
     assert (end.kind, end["gamma"], line.doubtful) == ("EP", 0.0, ())
     assert end["a"] == pytest.approx(folds[1]["a"], abs=1e-8)
+
+
+def test_a_branch_sets_out_from_an_entry_of_a_catalogue() -> None:
+    """The same as from the orbit that is found alone, where the entry exists."""
+    ring = cb.Ring(6)
+    starts = [*cb.multibreathers(ring, most=1, **AT), cb.multibreather([0], lattice=ring, **AT)]
+    ends = [cb.trace(one, "a", within={"a": (0.3, 0.8)})[-1]["p"] for one in starts]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-10)
+    (ended,) = cb.multibreathers(ring, most=1, **AT | {"a": 0.7, "gamma": 0.15})
+    with pytest.raises(cb.NoSolution, match=r"nothing to set out from: gamma = 0\.140806, GR"):
+        cb.trace(ended, "a")

@@ -511,6 +511,17 @@ def test_entries_of_a_catalogue_are_drawn_one_by_one(none) -> None:
         cb.plot(none)
 
 
+def test_a_branch_sets_out_from_an_entry_of_a_catalogue(none) -> None:
+    """The same as from the breather that is found alone, where the entry exists."""
+    chain = cb.Oscillators(V=HARD, W=LINEAR, lattice=cb.Ring(5))
+    at = {"omega": 1.5, "params": {"c": 0.03}}
+    starts = [*cb.breathers(chain, sites=[0], **at), cb.breather(chain, {0: 1}, **at)]
+    ends = [cb.trace(one, "c", within={"c": (0.03, 0.05)})[-1]["energy"] for one in starts]
+    assert ends[0] == pytest.approx(ends[1], rel=1e-10)
+    with pytest.raises(cb.NoSolution, match=r"nothing to set out from.*of the coupling"):
+        cb.trace(none, "c")
+
+
 @pytest.mark.slow
 def test_open_circles_among_the_multipliers_have_a_legend() -> None:
     """Those of the band, below a hard breather; above a soft one they have the signature +1."""
