@@ -347,6 +347,7 @@ def test_mirror_images_have_one_colour(in_a: Branch) -> None:
             r"got a generator \(it gives its values once, list\(\.\.\.\) keeps them\)",
         ),
         (lambda b, z: plots.plot(b, z), "only branches are drawn together, or zones; a Zones was"),
+        (lambda b, z: plots.plot(b, "a", lambda p: p["p"]), "a function of a point .* y=function"),
         (lambda b, z: plots.plot(z, y="p"), "y says nothing of the picture of a Zones"),
         (lambda b, z: plots.plot(b, "a", x="p"), "the columns a: x and y were expected, each once"),
         (

@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from html import escape
-from inspect import signature
+from inspect import isfunction, signature
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -122,6 +122,8 @@ def plot(
     if len(drawn) > 1:
         if all(isinstance(one, Zones) for one in drawn):
             return plot_zones(drawn, **wanted)  # beside each other
+        if any(isfunction(one) for one in drawn):
+            raise BadInput("a function of a point says what is drawn by its name, y=function")
         other = next(kind_of(one) for one in drawn if not isinstance(one, Branch))
         raise BadInput(
             f"only branches are drawn together, or zones; {other} was among them: leave it out, or "
