@@ -9,16 +9,7 @@ import pytest
 from scipy.sparse import diags_array
 
 import contbreather as cb
-from contbreather.continuation import (
-    Event,
-    Problem,
-    Steps,
-    Stop,
-    branch_point,
-    fold,
-    trace,
-    user,
-)
+from contbreather.continuation import Event, Problem, Steps, Stop, fold, trace, user
 from contbreather.errors import BadInput, NotConverged
 
 from .zoo import BRUSSELATOR, CUSP, LINE, PITCHFORK, events_of, trace_case
@@ -134,19 +125,6 @@ def test_how_far_a_start_was_moved_is_said(t: float, rate: float) -> None:
     if start["t"] != t:  # none was found at the same parameter: then the nearest
         near = np.hypot(np.hypot(branch["u"] - 0.75, branch["v"] - 4.0), branch["t"] - t).min()
         assert branch.start_correction < 1.3 * near
-
-
-@pytest.mark.parametrize("x", [0.1, 1e-3, 1e-9])
-def test_a_start_that_is_solved_for_at_a_transcritical_point_leaves_it(x: float) -> None:
-    """Newton's iteration is good to 1e-9 only: derivatives vanish where x = 0 and x = m cross."""
-    problem = Problem(lambda x, p: np.array([x[0] * (p["m"] - x[0])]), {"x": x}, {"m": 0.0})
-    branch = trace(problem, "m", within={"m": (-1.0, 1.0)}, events=[branch_point()])
-    assert [point.kind for point in branch.special] == ["EP", "BP", "EP"]
-    assert abs(branch.first("BP").z).max() < 1e-12
-    assert abs(branch["x"]).max() < 2e-9
-    # further off than that the start says on which of the two it is
-    other = trace(problem.at(x=1e-7, m=1e-7), "m", within={"m": (-1.0, 1.0)})
-    np.testing.assert_allclose(other["x"], other["m"], atol=1e-9)
 
 
 def test_a_start_that_is_a_solution_was_not_moved() -> None:

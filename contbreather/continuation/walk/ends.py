@@ -166,7 +166,7 @@ def starts_on_curve(
         except Undefined as error:
             raise BadInput(f"no curve leaves the start: {error}") from error
         bounds = bounds_of(curve, within)
-        tangent, sign = first_tangent(curve, bounds, tolerance)
+        tangent, sign = first_tangent(curve, bounds)
         if towards != "up":
             tangent, sign = -tangent, -sign
     else:
@@ -263,7 +263,7 @@ def directed_start(problem: Problem, free: str, along: ArrayLike) -> tuple[Curve
     return curve, float(abs(value * curve.row_scales).max()), tangent
 
 
-def first_tangent(curve: Curve, bounds: Sequence[Bound], tolerance: float) -> tuple[Array, int]:
+def first_tangent(curve: Curve, bounds: Sequence[Bound]) -> tuple[Array, int]:
     """The tangent at the start, upwards in the free parameter, and the sign of the determinant.
 
     At a branch point it is that of the curve closest to the direction of the parameter. At a fold,
@@ -274,20 +274,17 @@ def first_tangent(curve: Curve, bounds: Sequence[Bound], tolerance: float) -> tu
     along = np.eye(1, z.size, z.size - 1)[0]
     if is_sparse(matrix):  # fine meshes have small singular values everywhere
         weak = least_singular(scaled(matrix, 1 / curve.row_scales, curve.scales))
-        suspect = singular = weak.size < 1e-4 * weak.second
+        singular = weak.size < 1e-4 * weak.second
     else:
         # with the row of the parameter below: singular at folds as well as where curves cross
         whole = np.vstack([curve.balanced(matrix), along * curve.scales])
         sizes = np.linalg.svd(whole, compute_uv=False)
         singular = bool(sizes[-1] < 1e-7 * sizes[0])
-        # where a whole row vanishes its size is one seen aside: a start as exact as asked has more
-        suspect = bool(sizes[-1] < 1e-4 * sizes[0])
-    if suspect:
+    if singular:
         try:
             branch_point = crossing(curve, z)
             tangent = closest_tangent(branch_point.tangents, curve.metric * along)
-            off = curve.length(branch_point.solution.z - z) / (1 + curve.length(z))
-            near = off < (GAP if singular else min(tolerance, GAP))
+            near = curve.length(branch_point.solution.z - z) < GAP * (1 + curve.length(z))
             if near and not _fill_surface(curve, z, tangent):
                 return tangent, 0
         except Undefined:
