@@ -198,17 +198,3 @@ def test_coefficients_of_bt_are_in_scales_whatever_the_units_of_states(time: flo
     fold = cb.trace(problem, "c", within={"c": (-1.0, 0.5)}, events=EVENTS).first("LP")
     point = cb.boundary(fold, ("d", "c"), within={"d": (-1, 1)}, events=EVENTS).first("BT")
     assert (point["a"], point["b"]) == pytest.approx((1e-4 / time**2, -1e-4 / time), rel=1e-6)
-
-
-def test_equations_far_smaller_than_their_unknowns_have_their_branch() -> None:
-    """Rates of 1e-16, as of years in seconds and nanomoles in moles, were pivots of no digit beside
-    the row of the tangent: the branch of the Brusselator, B = 1 + A^2 at HB, ended as MX."""
-
-    def brusselator(t, x, p):
-        reacts = x[0] ** 2 * x[1]
-        return 1e-16 * (1 - (p["B"] + 1) * x[0] + reacts), 1e-16 * (p["B"] * x[0] - reacts)
-
-    rest = cb.equilibrium(brusselator, {"x": 1.0, "y": 1.5}, {"B": 1.5})
-    branch = cb.trace(rest, "B", within={"B": (1.0, 3.0)})
-    assert [point.label for point in branch.special] == ["EP1", "HB1", "EP2"]
-    assert branch.first("HB")["B"] == pytest.approx(2.0, abs=1e-9)

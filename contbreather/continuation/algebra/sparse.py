@@ -47,12 +47,7 @@ class Dense:
         if row is not None:
             self.whole = np.empty((row.size, row.size))
             self.whole[:-1], self.whole[-1] = matrix, row
-        # equations of one size, as of `Factors`: the row has no unit, they have those of rates; by
-        # powers of two, which round nothing
-        sizes = np.maximum.reduce(abs(self.whole), axis=1, initial=0.0)
-        self._rows = np.ldexp(1.0, -np.frexp(sizes)[1])
-        self._scaled = self.whole * self._rows[:, None]
-        self._factors, self._pivots, info = _lapack().dgetrf(self._scaled)
+        self._factors, self._pivots, info = _lapack().dgetrf(self.whole)
         self.exact = info == 0
 
     def solve(self, right: Array, last: float = 0.0) -> Array | None:
@@ -62,7 +57,6 @@ class Dense:
         if self.row is not None:
             above, right = right, np.empty(self.row.size)
             right[:-1], right[-1] = above, last
-        right = (right.T * self._rows).T
         return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right)[0])
 
     def correction(self, right: Array, row: Array | None = None) -> tuple[Array, bool]:
@@ -87,7 +81,7 @@ class Dense:
         """The logarithm of the size of the determinant, of rows of length 1."""
         if not self.exact:
             return -math.inf
-        squares = np.add.reduce(self._scaled * self._scaled, axis=1)
+        squares = np.add.reduce(self.whole * self.whole, axis=1)
         return float(np.add.reduce(np.log(abs(self._factors.diagonal())) - np.log(squares) / 2))
 
     def tangent(self, row: Array) -> tuple[Array | None, int]:
@@ -95,8 +89,7 @@ class Dense:
         return self.solve(np.zeros(row.size - 1), 1.0), self.sign()
 
     def transposed(self, right: Array) -> Array:
-        y = _lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0]
-        return np.asarray((y.T * self._rows).T)
+        return np.asarray(_lapack().dgetrs(self._factors, self._pivots, right, trans=1)[0])
 
     def sign(self) -> int:
         """Sign of the determinant; 0 where the matrix is singular."""

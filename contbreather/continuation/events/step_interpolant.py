@@ -91,23 +91,17 @@ class StepInterpolant:
         """Tell whether the free parameter is elsewhere at an end, by more than rounding of its
         value, of a unit vector or of the equations: along a line of solutions, or where an orbit
         all but rests, it seems to turn back anywhere."""
-        curve, size = self.curve, self.length * self.curve.scales[-1]
+        curve, z, size = self.curve, point.z, self.length * self.curve.scales[-1]
+        matrix, weak = curve.jacobian(z), least_in_unknowns(curve, z).left / curve.row_scales
+        # weak . H = push dp, to first order: the unknowns do not change it
+        push = abs(float((weak @ matrix)[-1])) or math.inf
+        least = 4 * math.ulp(1.0) * (abs(z[-1]) + size)
+        least += float(np.linalg.norm(weak * rounding(matrix, z))) / push
 
-        def known(z: Array) -> tuple[Array, float, float]:
-            matrix, weak = curve.jacobian(z), least_in_unknowns(curve, z).left / curve.row_scales
-            # weak . H = push dp, to first order: the unknowns do not change it
-            push = abs(float((weak @ matrix)[-1])) or math.inf
-            least = 4 * math.ulp(1.0) * (abs(z[-1]) + size)
-            return weak, push, least + float(np.linalg.norm(weak * rounding(matrix, z))) / push
+        def off(end: Point) -> float:
+            return abs(end.z[-1] - z[-1]) - abs(float(weak @ curve.equations(end.z))) / push
 
-        weak, push, least = known(point.z)
-
-        def far(end: Point) -> bool:
-            off = abs(end.z[-1] - point.z[-1])
-            off -= abs(float(weak @ curve.equations(end.z))) / push + least
-            return off > 0 and off > known(end.z)[-1]  # which has a rounding of its own
-
-        return any(map(far, (self.first, self.last)))
+        return any(off(end) > least for end in (self.first, self.last))
 
     @cached_property
     def still(self) -> bool:
